@@ -2,7 +2,7 @@ import os
 import subprocess
 from collections.abc import Callable, Iterable, Iterator, KeysView, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, Self, TypeAlias, overload
+from typing import Any, ClassVar, Literal, NoReturn, Self, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,7 +96,8 @@ class Table:
     @overload
     def __getitem__(self, which: str) -> NDArray[Any]: ...
     @overload
-    def __getitem__(self, which: int | slice | NDArray[Any]) -> Table: ...
+    def __getitem__(self, which: int | slice | list[str] | list[int] | NDArray[Any]) -> Table: ...
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NoReturn: ...
     def to_pandas(self) -> Any: ...
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
 
@@ -254,9 +255,9 @@ class Data:
         sphere: Sequence[float] | None = None,
         box: Sequence[float] | None = None,
         where: _Where | None = None,
-        families: Iterable[str] | None = None,
+        families: str | Iterable[str] | None = None,
         *,
-        fields: Iterable[str] | None = None,
+        fields: str | Iterable[str] | None = None,
         shells: int | None = None,
         shell_field: str | None = None,
         exact: bool = False,
@@ -272,7 +273,7 @@ class Data:
         ids: ArrayLike | None = None,
         where: _Where | None = None,
         families: str | Iterable[str] | None = None,
-        fields: Iterable[str] | None = None,
+        fields: str | Iterable[str] | None = None,
         *,
         exact: bool = False,
         wrap: bool = True,
@@ -288,7 +289,7 @@ class Data:
         ids: ArrayLike | None = None,
         where: _Where | None = None,
         families: str | Iterable[str] | None = None,
-        fields: Iterable[str] | None = None,
+        fields: str | Iterable[str] | None = None,
         *,
         start: float | str | None = None,
         end: float | str | None = None,
@@ -387,8 +388,8 @@ def build(
     memory: int | str | None = None,
     progress: _Progress | None = None,
     *,
-    attributes: Iterable[str] | None = None,
-    families: Iterable[str] | None = None,
+    attributes: str | Iterable[str] | None = None,
+    families: str | Iterable[str] | None = None,
     derive: str | Iterable[str] | None = None,
     hierarchy: str | Iterable[str] | None = None,
     smoothing: str | None = None,

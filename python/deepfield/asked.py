@@ -1,6 +1,7 @@
 """What is asked, as the native part reads it."""
 
 import json
+import math
 
 import numpy as np
 
@@ -16,12 +17,21 @@ def _plain(value):
     raise TypeError(f"expected a number, true, false, a name or a list, found {type(value).__name__}")
 
 
+def _json(name, value):
+    """The JSON of what is asked by a name."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(str(own))}: {_json(own, one)}" for own, one in value.items()) + "}"
+    try:
+        return json.dumps(value, default=_plain, allow_nan=False)
+    except TypeError as error:
+        raise Error(f"{name}: {error}") from None
+    except ValueError:
+        raise Error(f"{name}: found {value!r}, expected finite numbers") from None
+
+
 def text(asked):
     """The JSON of what is asked; what is None is not asked."""
-    try:
-        return json.dumps({name: value for name, value in asked.items() if value is not None}, default=_plain, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise Error(str(error)) from None
+    return _json("", {name: value for name, value in asked.items() if value is not None})
 
 
 def names(several):
@@ -29,6 +39,13 @@ def names(several):
     if several is None or isinstance(several, str):
         return several
     return ",".join(str(name) for name in several)
+
+
+def listed(several):
+    """Names, of a text of one or of several with commas between them, or of an iterable; None is not asked."""
+    if isinstance(several, str):
+        return [name.strip() for name in several.split(",")]
+    return None if several is None else [str(name) for name in several]
 
 
 def memory(amount):
@@ -41,9 +58,13 @@ def memory(amount):
 def size(sides):
     """Width and height."""
     try:
-        width, height = (int(side) for side in sides)
-    except (TypeError, ValueError):
-        raise Error(f"size: found {sides!r}, expected width and height") from None
+        found = list(sides)
+        width, height = (int(side) for side in found)
+        is_whole = [width, height] == found
+    except (TypeError, ValueError, OverflowError):
+        is_whole = False
+    if not is_whole:
+        raise Error(f"size: found {sides!r}, expected width and height, whole numbers of pixels")
     return [width, height]
 
 
@@ -52,6 +73,19 @@ def whole(name, count, most, least=1):
     if count is not None and (isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not least <= count <= most):
         raise Error(f"{name}: found {count!r}, expected a whole number from {least} to {most}")
     return None if count is None else int(count)
+
+
+def number(name, value, least=-math.inf):
+    """A finite number greater than ``least``; None is not asked."""
+    if value is None:
+        return None
+    try:
+        found = float(value)
+    except (TypeError, ValueError):
+        found = math.nan
+    if not least < found < math.inf:
+        raise Error(f"{name}: found {value!r}, expected a number" + (f" greater than {least}" if least > -math.inf else ""))
+    return found
 
 
 def threads(count):

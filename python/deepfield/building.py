@@ -9,7 +9,7 @@ from . import _deepfield, asked, columns, dataset, notes, others, progress as pr
 def kept(attributes, families, derive, hierarchy, smoothing):
     """What is kept of particles and built over them, as the native part reads it."""
     return {
-        "attributes": attributes and list(attributes), "families": families and list(families), "derive": asked.names(derive),
+        "attributes": asked.listed(attributes), "families": asked.listed(families), "derive": asked.names(derive),
         "hierarchy": asked.names(hierarchy), "smoothing": smoothing,
     }  # fmt: skip
 
@@ -35,8 +35,8 @@ def build(
 ):
     """Builds the page file ``out`` and opens it.
 
-    ``source`` is a path, a list of paths (snapshots of a run), or arrays: a mapping of names to arrays, of one family named ``family``, or a
-    mapping of families to such mappings. ``positions`` (n, 3) has to be there; ``mass``, ``smoothing_length``, ``density`` (n) and
+    ``source`` is a path, a list of paths (snapshots of a run), or arrays: a mapping of names to arrays or a structured array, of one family
+    named ``family``, or a mapping of families to such. ``positions`` (n, 3) has to be there; ``mass``, ``smoothing_length``, ``density`` (n) and
     ``velocities`` (n, 3) mean what they say, and everything else of shape (n) or (n, 3) is an attribute. A smoothing length is the radius at
     which a particle ends. What is missing is estimated, as of a file: masses are 1, smoothing lengths the distance to the 32nd neighbour.
 
@@ -63,26 +63,32 @@ def build(
     ``progress`` is called with the stage, the steps done and their number, some times a second, or True for a bar. What it raises, and Ctrl-C, end the build, and nothing is left behind.
     """
     out = os.fspath(out)
+    attributes, families = asked.listed(attributes), asked.listed(families)
     wanted = kept(attributes, families, derive, hierarchy, smoothing)
-    wanted |= {"memory": asked.memory(memory), "height_error": height_error, "threads": asked.threads(threads)}
+    wanted |= {"memory": asked.memory(memory), "height_error": asked.number("height_error", height_error), "threads": asked.threads(threads)}
     if others.package_of(source):
         source, own, said = others.arrays_of(source, attributes, families)
         units = {**own, **(units or {})}
         box_size, redshift = (said.get(name) if given is None else given for name, given in (("box_size", box_size), ("redshift", redshift)))
+    source = columns.of_structured(source)
     if isinstance(source, Mapping):
-        wanted["said"] = {"box_size": box_size, "time": time, "redshift": redshift}
+        wanted["said"] = {
+            "box_size": asked.number("box_size", box_size, 0), "time": asked.number("time", time), "redshift": asked.number("redshift", redshift),
+        }  # fmt: skip
+        source = {name: columns.of_structured(fields) for name, fields in source.items()}
         nested = bool(source) and all(isinstance(fields, Mapping) for fields in source.values())
         if height_error is not None:
             raise _deepfield.Error("height_error: found arrays, expected a file of heights")
         found = columns.columns(source if nested else {family: source}, units or {})
         with progresses.teller(progress) as tell:
-            told = _deepfield.build_arrays(found, out, asked.text(wanted), tell)
+            told = columns.left_out(found) + _deepfield.build_arrays(found, out, asked.text(wanted), tell)
     else:
         said = {"units": units, "box_size": box_size, "time": time, "redshift": redshift}
         given = [name for name, value in said.items() if value is not None]
         if given:
             raise _deepfield.Error(f"{given[0]}: found files, expected arrays: files say that of themselves")
         with progresses.teller(progress) as tell:
-            told = _deepfield.build_files(dataset.paths_of(source), out, asked.text(wanted), tell)
+            paths = dataset.paths_of(source, "a path, a list of paths, or a mapping of names to arrays")
+            told = _deepfield.build_files(paths, out, asked.text(wanted), tell)
     notes.tell(told)
     return dataset.open(out)

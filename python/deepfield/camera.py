@@ -1,9 +1,11 @@
 """Where a camera stands."""
 
 import dataclasses
-import os
+import math
 import re
+from collections.abc import Mapping
 
+from . import files
 from ._deepfield import Error
 
 _FIELDS = ("eye", "target", "up", "fov", "ortho")
@@ -39,16 +41,19 @@ class Camera:
                 place = tuple(float(number) for number in value)
             except (TypeError, ValueError):
                 place = ()
-            if len(place) != 3:
+            if len(place) != 3 or not all(map(math.isfinite, place)):
                 raise Error(f"camera: {name}: found {value!r}, expected three numbers")
             setattr(self, name, place)
         for name in ("fov", "ortho"):
             value = getattr(self, name)
             if value is not None:
                 try:
-                    setattr(self, name, float(value))
+                    number = float(value)
                 except (TypeError, ValueError):
-                    raise Error(f"camera: {name}: found {value!r}, expected a number") from None
+                    number = math.nan
+                if not math.isfinite(number):
+                    raise Error(f"camera: {name}: found {value!r}, expected a number")
+                setattr(self, name, number)
         if self.fov is not None and self.ortho is not None:
             raise Error("camera: found fov and ortho, expected one of them")
 
@@ -59,6 +64,8 @@ class Camera:
             return Camera()
         if isinstance(camera, Camera):
             return camera
+        if not isinstance(camera, Mapping):
+            raise Error(f"camera: found {camera!r:.60}, expected a Camera, or a mapping of some of {', '.join(_FIELDS)}")
         unknown = [name for name in camera if name not in _FIELDS]
         if unknown:
             raise Error(f"camera: found {unknown[0]}, expected one of {', '.join(_FIELDS)}")
@@ -100,17 +107,10 @@ class Camera:
         return Camera(**found)
 
     def write(self, path):
-        """Writes its text to a file."""
-        with open(os.fspath(path), "w", encoding="utf-8") as file:
-            file.write(self.to_ron() + "\n")
+        """Writes its text to a file, over none but one in RON."""
+        files.write(path, self.to_ron())
 
     @staticmethod
     def read(path):
         """Reads such a file."""
-        path = os.fspath(path)
-        try:
-            with open(path, encoding="utf-8") as file:
-                text = file.read()
-        except OSError as error:
-            raise Error(f"{path}: {error.strerror}") from None
-        return Camera.from_ron(text)
+        return Camera.from_ron(files.read(path))

@@ -1,6 +1,6 @@
 """Colour maps, presets and modes by name."""
 
-from . import _deepfield
+from . import _deepfield, asked
 
 
 def color_maps():
@@ -14,7 +14,7 @@ def color_map(name, count=256):
     >>> deepfield.color_map("viridis", 5).shape
     (5, 3)
     """
-    return _deepfield.color_map(name, int(count))
+    return _deepfield.color_map(name, asked.whole("count", count, 1 << 20))
 
 
 def transfer_functions():

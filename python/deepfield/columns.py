@@ -1,5 +1,7 @@
 """Arrays as columns of particles: floats in the machine's order of bytes, with their units."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ._deepfield import Error
@@ -18,20 +20,44 @@ def unit_of(value):
 
 
 def floats(name, value):
-    """The values as 32-bit or 64-bit floats: what has these already is not copied."""
+    """The values as 32-bit or 64-bit floats: what has these already is not copied, unless it lies between other fields of packed rows."""
     if isinstance(value, np.ma.MaskedArray):
         value = value.astype(np.float64).filled(np.nan)
     array = np.asarray(value)
     if array.dtype in (np.float32, np.float64) and array.dtype.isnative:
-        return array
+        # The native part counts steps in values.
+        is_readable = array.flags.aligned and not any(step % array.itemsize for step in array.strides)
+        return array if is_readable else array.copy()
     if array.dtype.kind not in "biuf":
         raise Error(f"{name}: found an array of {array.dtype}, expected numbers")
     wide = np.float32 if array.dtype.kind == "f" and array.dtype.itemsize <= 4 else np.float64
     return array.astype(wide)
 
 
+def of_structured(source):
+    """The columns of a structured array as a mapping; whatever else as it is."""
+    names = source.dtype.names if isinstance(source, np.ndarray) else None
+    return {name: source[name] for name in names} if names else source
+
+
+def left_out(found):
+    """What there is to tell of columns that are no attributes, for their shape."""
+    several = ((family, name, array.shape) for family, name, _, array in found if array.ndim == 2)
+    return [
+        f"{family}: {name}: left out: found shape {shape}, expected (n,) or (n, 3)"
+        for family, name, shape in several
+        if shape[1] not in (1, 3) and shape[0] > 0
+    ]
+
+
 def columns(families, units):
     """Columns of families, each with its family's name, its own name, its unit and its array. A single number is every particle's."""
+    known = {name: None for fields in families.values() for name in fields}
+    for name, unit in units.items():
+        if name not in known:
+            raise Error(f"units: found {name}, expected one of {', '.join(known)}")
+        if isinstance(unit, Mapping):
+            raise Error(f"units: {name}: found a mapping, expected the unit of a column: those of all families are the same")
     found = []
     for family, fields in families.items():
         arrays = {name: floats(f"{family}: {name}", value) for name, value in fields.items()}

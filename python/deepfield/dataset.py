@@ -1,13 +1,13 @@
 """Open data: what it holds, pictures of it, and what is in a region."""
 
+import contextlib
 import dataclasses
-import io
 import json
 import os
 
 import numpy as np
 
-from . import _deepfield, asked, notes, progress as progresses, questions
+from . import _deepfield, asked, files, notes, progress as progresses, questions
 from .camera import Camera
 from .objects import Scene, TransferFunction
 from .picture import Picture
@@ -45,9 +45,15 @@ class Family:
         return f"<{self.name}: {_spaced(self.count)}, {', '.join(self.fields)}>"
 
 
-def paths_of(path):
+def paths_of(source, expected="a path or a list of paths"):
     """Paths of one or of several."""
-    return [os.fspath(path)] if isinstance(path, (str, os.PathLike)) else [os.fspath(one) for one in path]
+    if isinstance(source, (str, os.PathLike)):
+        return [os.fspath(source)]
+    with contextlib.suppress(TypeError):
+        # Rows and columns are no paths, though the latter may have names.
+        if getattr(source, "ndim", 1) == 1:
+            return [os.fspath(one) for one in source]
+    raise _deepfield.Error(f"source: found {type(source).__name__}, expected {expected}")
 
 
 def open(path, progress=None, *, threads=None):
@@ -62,8 +68,10 @@ def open(path, progress=None, *, threads=None):
     ('particles', 200, 'kpc')
     """
     threads = asked.threads(threads)
+    # It is the same data wherever Python goes.
+    paths = [files.whole_path(one) for one in paths_of(path)]
     with progresses.teller(progress) as tell:
-        native, told = _deepfield.open(paths_of(path), threads, tell)
+        native, told = _deepfield.open(paths, threads, tell)
     notes.tell(told)
     return Data(native)
 
@@ -110,7 +118,15 @@ class Data:
         self.steps = np.array(about["steps"]) if about.get("steps") else None
         self.notes = about.get("notes", [])
         self.modes = about.get("modes", [])
+        # Files that pictures of it are not written over: it, and what it was built of.
+        self._read = [files.whole_path(path) for path in (*self.paths, about.get("source")) if path]
+        slices = [path for path in self._read if self.kind == "volume" and os.path.isdir(path)]
+        self._read += [entry.path for folder in slices for entry in os.scandir(folder)]
         self.families = {found["name"]: _family(found) for found in about["families"]}
+
+    def __reduce__(self):
+        """Copies, and those that are sent to other processes of this machine, are opened there."""
+        return open, (self.paths,)
 
     def __repr__(self):
         names = ", ".join(os.path.basename(path) for path in self.paths)
@@ -121,7 +137,9 @@ class Data:
         if self.steps is not None:
             lines[0] += f", {len(self.steps)} steps"
         if self.bounds is not None:
-            sides = " x ".join(f"{side:.4g}" for side in self.bounds[1] - self.bounds[0])
+            # Heights have a unit of their own, and images no depth.
+            axes = 2 if self.kind in ("heights", "image") else 3
+            sides = " x ".join(f"{side:.4g}" for side in (self.bounds[1] - self.bounds[0])[:axes])
             lines[0] += f", {sides}{' ' + self.unit if self.unit else ''}"
         width = max((len(name) for name in self.families), default=0)
         for family in self.families.values():
@@ -155,7 +173,7 @@ class Data:
         displacement of a particle on screen [0.8]; ``exact`` draws every source particle at full precision. ``transfer`` is a
         TransferFunction, the name of a preset or a file, ``background`` "black", "transparent" or "#rrggbb", ``time`` when of a run ("step:12",
         "z:1.5", "last"). ``memory`` is what pages may take, in bytes or as "2GiB", ``threads`` how many draw [all]. ``config`` is a file or a text in RON, as ``deepfield render --config`` reads it, and ``scene`` a Scene, a mapping of its fields or a file: what is said
-        beside it holds, then it does. All other names are settings of the mode, with underscores for
+        beside it holds, then it does. ``progress`` is as of :func:`open`. All other names are settings of the mode, with underscores for
         hyphens; ``deepfield modes`` lists them.
 
         >>> camera = {"eye": (0.5, 0.5, 9.0), "target": (0.5, 0.5, 0.5), "ortho": 2.0}
@@ -183,7 +201,7 @@ class Data:
         with progresses.teller(progress) as tell:
             native, told = self._native.render(asked.text(wanted), asked.threads(threads), tell)
         notes.tell(told)
-        return Picture(native, told)
+        return Picture(native, told, self._read)
 
     def _scene(self, scene):
         """A scene by its text, with the file beside which lies what it names."""
@@ -245,8 +263,8 @@ class Data:
         """
         wanted = {
             "of": questions.of(sphere, box, where, families, exact, wrap, time),
-            "fields": None if fields is None else list(fields),
-            "shells": shells,
+            "fields": asked.listed(fields),
+            "shells": asked.whole("shells", shells, 4096),
             "shell_field": shell_field,
         }
         return questions.Probe(self._asked(self._native.probe, wanted, threads, progress))
@@ -292,7 +310,7 @@ class Data:
         (['family', 'x', 'temperature'], 'kpc', True)
         """
         of = questions.of(sphere, box, where, families, exact, wrap, time)
-        wanted = {"of": of, "fields": None if fields is None else list(fields)}
+        wanted = {"of": of, "fields": asked.listed(fields)}
         return self._rows(self._native.select, wanted, ids, memory, threads, progress)
 
     def tracks(
@@ -316,7 +334,7 @@ class Data:
         """
         wanted = {
             "of": questions.of(sphere, box, where, families),
-            "fields": None if fields is None else list(fields),
+            "fields": asked.listed(fields),
             "from": None if start is None else str(start),
             "to": None if end is None else str(end),
         }
@@ -385,8 +403,7 @@ class Data:
         >>> found.counts.shape, int(found.counts.sum()), found.fields
         ((4, 8), 200, ('temperature', 'mass'))
         """
-        pair = lambda value: tuple(value) if isinstance(value, (tuple, list)) else (value, value)
-        axes = [_axis(*axis) for axis in zip((x, y), pair(bins), tuple(ranges), pair(log))]
+        axes = [_axis(*axis) for axis in zip((x, y), _pair("bins", bins), _pair("ranges", ranges), _pair("log", log))]
         wanted = {
             "of": questions.of(sphere, box, where, families, exact, wrap, time),
             "axes": axes,
@@ -422,7 +439,7 @@ class Data:
         >>> len(shells), shells.units["radius_to"], "mean_temperature" in shells
         (4, 'kpc', True)
         """
-        fields = [fields] if isinstance(fields, str) else list(fields) or [None]
+        fields = asked.listed(fields) or [None]
         wanted = {
             "of": questions.of(sphere, box, where, families, exact, wrap, time),
             "profiles": [{"shells": _whole("shells", shells), "inner": 0.01 if log else None, "field": field} for field in fields],
@@ -472,6 +489,8 @@ class Data:
         array([[4., 5., 6.],
                [5., 6., 7.]])
         """
+        if self.kind in ("particles", "run", "volume"):
+            raise _deepfield.Error(f"{self.paths[0]}: heights: found {self.kind}, expected measured heights")
         width, height = self.shape if self.kind == "heights" else (0, 0)
         wanted = {
             "rows": _part("rows", rows, height),
@@ -491,8 +510,17 @@ class Data:
 
 
 def _axis(field, bins, range, log):
-    ends = None if range is None else [float(end) for end in range]
+    ends = None if range is None else questions.numbers("range", range, "least, largest")
     return {"field": field, "bins": _whole("bins", bins), "range": ends, "logarithmic": log}
+
+
+def _pair(name, value):
+    """What is asked of two axes, of each or of both."""
+    if not isinstance(value, (tuple, list, np.ndarray)):
+        return value, value
+    if len(value) != 2:
+        raise _deepfield.Error(f"{name}: found {value!r}, expected one of x and one of y")
+    return tuple(value)
 
 
 def _whole(name, value):
@@ -508,7 +536,7 @@ def _part(name, part, count):
     if isinstance(part, slice):
         start, stop, step = part.indices(count)
         part = (start, stop) if step == 1 else ()
-    if len(part) != 2:
+    if not isinstance(part, (tuple, list, np.ndarray)) or len(part) != 2:
         raise _deepfield.Error(f"{name}: found {part!r}, expected a slice without a step, or the first one and the one after the last")
     return [_whole(name, end) for end in part]
 
@@ -530,9 +558,6 @@ def _config(config):
         return {}
     if isinstance(config, str) and config.lstrip().startswith("("):
         return {"config": config, "config_name": "config"}
-    path = os.fspath(config)
-    try:
-        with io.open(path, encoding="utf-8") as file:
-            return {"config": file.read(), "config_name": path}
-    except OSError as error:
-        raise _deepfield.Error(f"{path}: {error.strerror}") from None
+    if not isinstance(config, (str, os.PathLike)):
+        raise _deepfield.Error(f"config: found {type(config).__name__}, expected a file or a text in RON")
+    return {"config": files.read(config), "config_name": os.fspath(config)}

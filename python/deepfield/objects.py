@@ -4,7 +4,20 @@ import functools
 import json
 import os
 
-from . import _deepfield, asked, notes, progress as progresses
+from . import _deepfield, asked, files, notes, progress as progresses
+
+
+# Fields that name files.
+_PATHS = ("path", "before", "dataset", "labels")
+
+
+def _placed(value, folder, field=None):
+    """The same with names of files that are from a folder from the root on."""
+    if isinstance(value, dict):
+        return {name: _placed(one, folder, name) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_placed(one, folder, field) for one in value]
+    return files.whole_path(value, folder) if field in _PATHS and isinstance(value, str) else value
 
 
 class _Text:
@@ -36,18 +49,14 @@ class _Text:
     def read(cls, path):
         """Reads a file."""
         path = os.fspath(path)
-        try:
-            with open(path, encoding="utf-8") as file:
-                made = cls.from_ron(file.read(), path)
-        except OSError as error:
-            raise _deepfield.Error(f"{path}: {error.strerror}") from None
+        made = cls.from_ron(files.read(path), path)
         made.path = path
         return made
 
     def write(self, path):
-        """Writes a file."""
-        with open(os.fspath(path), "w", encoding="utf-8") as file:
-            file.write(self._ron.rstrip("\n") + "\n")
+        """Writes a file, over none but one in RON. What it names by paths from the folder that it was read from is found from others, too."""
+        moved = self.path is not None and files.folder_of(path) != files.folder_of(self.path)
+        files.write(path, self._found_from_anywhere().to_ron() if moved else self._ron)
 
     @functools.cached_property
     def fields(self):
@@ -60,7 +69,14 @@ class _Text:
 
     def replace(self, **changes):
         """The same with other values of some fields."""
-        return type(self)(**{**self.fields, **changes})
+        return type(self)(**{**self._found_from_anywhere().fields, **changes})
+
+    def _found_from_anywhere(self):
+        """The same with files that are named from the folder of its own named from the root on; itself where there are none."""
+        if self.path is None:
+            return self
+        placed = _placed(self.fields, files.folder_of(self.path))
+        return self if placed == self.fields else type(self)(**placed)
 
     def __getattr__(self, name):
         if name.startswith("_") or name not in self.fields:
@@ -109,12 +125,6 @@ class TransferFunction(_Text):
         return cls.from_ron(_deepfield.transfer_function(os.fspath(name)), os.fspath(name))
 
 
-def _whole(path):
-    """A path from the root on; a URL as it is."""
-    path = os.fspath(path)
-    return path if path.lower().startswith(("http://", "https://", "s3://")) else os.path.abspath(path)
-
-
 class Scene(_Text):
     """What a picture shows: a scene file, as the window saves it with Ctrl+S.
 
@@ -131,7 +141,7 @@ class Scene(_Text):
     def __init__(self, data=None, **fields):
         if data is not None:
             paths = getattr(data, "paths", None) or ([data] if isinstance(data, (str, os.PathLike)) else data)
-            fields["datasets"] = [{"path": _whole(path)} for path in paths]
+            fields["datasets"] = [{"path": files.whole_path(path)} for path in paths]
         super().__init__(**fields)
 
     @staticmethod

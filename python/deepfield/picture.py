@@ -6,15 +6,16 @@ import os
 
 import numpy as np
 
-from . import _deepfield
+from . import _deepfield, files
 
 
 class Picture:
     """A picture.
 
     ``rgba`` are its colours, uint8 (height, width, 4), gamma-encoded, row 0 at the top; ``channels`` its numbers by name: ``P`` and, where an
-    attribute gives the hue, ``S`` (NaN where nothing was drawn) of modes that add up, linear premultiplied ``R``, ``G``, ``B``, ``A`` of the
-    others, and of heights also ``depth``, ``x``, ``y``, ``height``, ``row``, ``column`` and ``coverage``. ``units`` are those of P and S.
+    attribute gives the hue, ``S`` (NaN where nothing was drawn, else between the ends of its values) of modes that add up, linear
+    premultiplied ``R``, ``G``, ``B``, ``A`` of the others, and of heights also ``depth``, ``x``, ``y``, ``height``, ``row``, ``column`` and
+    ``coverage``. ``units`` are those of P and S.
     The arrays are the memory that it was drawn into, so that files have what is written into ``rgba``.
 
     ``extent`` is (left, right, lower, upper) of a picture with parallel lines of sight, from its middle along its own right and up, in
@@ -25,9 +26,11 @@ class Picture:
     ((40, 60, 4), b'PNG')
     """
 
-    def __init__(self, native, notes=()):
+    def __init__(self, native, notes=(), sources=()):
         about = json.loads(native.about)
         self._native = native
+        # Files that it is of, which it is not written over.
+        self._sources = list(sources)
         self.notes = list(notes)
         self.about = about
         self.mode = about["mode"]
@@ -37,6 +40,10 @@ class Picture:
         self.extent = None if about["extent"] is None else tuple(about["extent"])
         self.view = {name: np.array(vector) for name, vector in about["view"].items()}
         self.converged = about["converged"]
+
+    def __reduce__(self):
+        # Arrays that were handed out are views of the native part's, in copies too.
+        return Picture, (self._native, self.notes, self._sources)
 
     @functools.cached_property
     def rgba(self):
@@ -68,12 +75,14 @@ class Picture:
         return self._native.png()
 
     def save(self, path):
-        """Writes a file: its colours as .png, its channels as .npz."""
+        """Writes a file: its colours as .png, its channels as .npz; over none that it is a picture of."""
         path = os.fspath(path)
-        if path.endswith(".png"):
+        files.refuse(path, self._sources)
+        if path.lower().endswith(".png"):
             self._native.write_png(path)
-        elif path.endswith(".npz"):
-            np.savez(path, **self.channels)
+        elif path.lower().endswith(".npz"):
+            with files.written(path) as file:
+                np.savez(file, **self.channels)
         else:
             raise _deepfield.Error(f"{path}: expected a name that ends in .png or .npz")
 

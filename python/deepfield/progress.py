@@ -35,7 +35,8 @@ class _Line:
         self._length = len(line)
 
     def __call__(self, stage, done, total):
-        self._write(f"{stage}: {100 * done // total} %" if total else f"{stage}: {done}")
+        counted = f": {100 * done // total} %" if total else f": {done}" if done else ""
+        self._write(stage + counted)
 
     def close(self):
         if self._length:

@@ -1,40 +1,57 @@
 """Which particles a question is about, and rows and numbers of plots that come back."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
+from . import asked
 from ._deepfield import Error
 from .table import Table
 
 
-def _numbers(name, values, expected):
+def numbers(name, values, expected):
+    """As many numbers as are expected."""
     try:
-        numbers = [float(value) for value in values]
+        found = [float(value) for value in values]
     except (TypeError, ValueError):
-        numbers = []
-    if len(numbers) != len(expected.split(", ")):
-        raise Error(f"{name}: found {values!r}, expected {expected}")
-    return numbers
+        found = []
+    if len(found) != len(expected.split(", ")) or not np.all(np.isfinite(found)):
+        raise Error(f"{name}: found {values!r}, expected {expected}, finite numbers")
+    return found
+
+
+def _end(name, value, open_end):
+    """An end of a range, None where it is open."""
+    if value is None or value == open_end:
+        return None
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = np.nan
+    if not np.isfinite(number):
+        raise Error(f"where: {name}: found {value!r}, expected a number or None")
+    return number
 
 
 def of(sphere=None, box=None, where=None, families=None, exact=False, wrap=True, time=None):
     """The question that the native part reads."""
     shapes = []
     if sphere is not None:
-        x, y, z, radius = _numbers("sphere", sphere, "x, y, z, radius")
+        x, y, z, radius = numbers("sphere", sphere, "x, y, z, radius")
         shapes.append({"Sphere": {"center": [x, y, z], "radius": radius}})
     if box is not None:
-        corners = _numbers("box", box, "x0, y0, z0, x1, y1, z1")
+        corners = numbers("box", box, "x0, y0, z0, x1, y1, z1")
         shapes.append({"Box": {"min": corners[:3], "max": corners[3:]}})
     ranges = []
+    if not isinstance(where, (Mapping, type(None))):
+        raise Error(f"where: found {type(where).__name__}, expected a mapping of fields to least and largest value")
     for name, ends in (where or {}).items():
-        if not isinstance(ends, (tuple, list)) or len(ends) != 2:
+        if not isinstance(ends, (tuple, list, np.ndarray)) or len(ends) != 2:
             raise Error(f"where: {name}: found {ends!r}, expected least and largest value, or None")
-        ranges.append({"field": name, "min": ends[0], "max": ends[1]})
-    families = [families] if isinstance(families, str) else list(families or ())
+        ranges.append({"field": name, "min": _end(name, ends[0], -np.inf), "max": _end(name, ends[1], np.inf)})
     return {
-        "region": {"shapes": shapes, "ranges": ranges, "families": families},
+        "region": {"shapes": shapes, "ranges": ranges, "families": asked.listed(families) or []},
         "exact": bool(exact),
         "no_wrap": not wrap,
         "time": None if time is None else str(time),
@@ -50,7 +67,7 @@ def ids_of(ids):
         array = array.astype(np.uint64)
     if array.ndim != 1 or array.dtype.kind not in "iu" or (array.dtype.kind == "i" and array.min() < 0):
         raise Error(f"ids: found an array of {array.dtype} of shape {array.shape}, expected whole numbers from 0 on of shape (n,)")
-    return np.ascontiguousarray(array, dtype=np.uint64)
+    return np.require(array, np.uint64, ["C", "ALIGNED"])
 
 
 def table(columns, about):

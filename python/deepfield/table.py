@@ -10,8 +10,9 @@ _ARROW_TYPES = (np.float32, np.float64, np.int64, np.uint64)
 class Table:
     """Rows as columns of one length.
 
-    ``table["temperature"]`` is a column, ``table[mask]`` and ``table[10:20]`` a table of some rows, ``len(table)`` their number, ``units`` are by
-    name, and ``about`` is what else is known: of a selection whether values are the source's own (``exact``).
+    ``table["temperature"]`` is a column, ``table[["x", "y"]]`` a table of some columns, ``table[mask]`` and ``table[10:20]`` one of some rows,
+    ``len(table)`` their number, ``units`` are by name, and ``about`` is what else is known: of a selection whether values are the source's own
+    (``exact``).
 
     ``pandas.DataFrame`` comes from :meth:`to_pandas`; pyarrow, polars, DuckDB and others read it by ``__arrow_c_stream__``:
     ``pyarrow.table(table)``, ``polars.DataFrame(table)``.
@@ -23,10 +24,13 @@ class Table:
 
     def __init__(self, columns, units=None, words=None, about=None):
         """``words`` gives columns of numbers (uint16) the texts that these stand for."""
-        self._columns = dict(columns)
+        self._columns = {name: np.asanyarray(column) for name, column in dict(columns).items()}
         self._words = dict(words or {})
         self.units = dict(units or {})
         self.about = dict(about or {})
+        wrong = next((name for name, column in self._columns.items() if column.ndim == 0), None)
+        if wrong is not None:
+            raise _deepfield.Error(f"table: {wrong}: found a single value, expected a column")
         lengths = {len(column) for column in self._columns.values()}
         if len(lengths) > 1:
             raise _deepfield.Error(f"table: found columns of {sorted(lengths)} rows, expected one length")
@@ -52,12 +56,21 @@ class Table:
 
     def __getitem__(self, which):
         if isinstance(which, str):
-            if which not in self._columns:
-                raise KeyError(f"found {which}, expected one of {', '.join(self._columns)}")
-            column = self._columns[which]
+            column = self._column(which)
             return np.array(self._words[which] or [""])[column] if which in self._words else column
+        if isinstance(which, list) and which and all(isinstance(name, str) for name in which):
+            return Table({name: self._column(name) for name in which}, self.units, self._words, self.about)
         rows = {name: np.atleast_1d(column[which]) for name, column in self._columns.items()}
         return Table(rows, self.units, self._words, self.about)
+
+    def _column(self, name):
+        if name not in self._columns:
+            raise KeyError(f"found {name}, expected one of {', '.join(self._columns)}")
+        return self._columns[name]
+
+    def __array__(self, dtype=None, copy=None):
+        # NumPy and pandas.DataFrame() would else take the names of its columns for what it holds.
+        raise TypeError("a table is no array: its columns are, table[name], and table.to_pandas() is a data frame")
 
     def to_pandas(self):
         """A ``pandas.DataFrame``; units are in its ``attrs``."""

@@ -6,6 +6,7 @@ import pathlib
 import threading
 import time as clock
 
+from . import asked as asking
 from ._deepfield import Error
 from .camera import Camera
 from .orbit import Orbit
@@ -74,8 +75,8 @@ class Viewer:
         self._data, self._send = data, send
         self._look = _Look(mode, attribute, time)
         self._asked = asked
-        self.size = tuple(int(side) for side in size)
-        if len(self.size) != 2 or min(self.size) < 1:
+        self.size = tuple(asking.size(size))
+        if min(self.size) < 1:
             raise Error(f"size: found {size!r}, expected width and height, pixels")
         self._error_px, self._rest = error_px, rest
         self._pace = Pace(budget)
@@ -347,8 +348,9 @@ def widget(data, **asked):
     try:
         import anywidget
         import traitlets
-    except ImportError:
-        raise Error("widget: found no anywidget, expected it to be installed: pip install anywidget") from None
+    except ImportError as error:
+        lacking = error.name or "anywidget"
+        raise Error(f"widget: found no {lacking}, expected anywidget to be installed: pip install anywidget") from None
 
     class Widget(anywidget.AnyWidget):
         """``camera`` is the camera as it stands, ``picture`` what is shown."""

@@ -105,6 +105,9 @@ impl ArraySource {
                 }
                 (_, [count]) => (*count, 1),
                 (FieldKind::Other, [count, components]) if *components > 0 => (*count, *components),
+                (FieldKind::Other, _) => {
+                    return Err(format!("{path}: found shape {shape:?}, expected (n,) or (n, 3)").into());
+                }
                 _ => return Err(format!("{path}: found shape {shape:?}, expected (n,)").into()),
             };
             if count == 0 {

@@ -1,6 +1,7 @@
 //! Builds from files and from arrays.
 
 use crate::arrays::{ArraySource, Said};
+use crate::asked::read_asked;
 use crate::error::{Failure, told};
 use crate::work;
 use deepfield_draw::build::grid::{GridBuildOptions, build_grid};
@@ -167,7 +168,7 @@ pub fn build_files(
     asked: &str,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<String>> {
-    let asked: Asked = serde_json::from_str(asked).map_err(|error| told(error.into()))?;
+    let asked: Asked = read_asked(asked).map_err(told)?;
     let job = move |state: &Arc<State>| -> Result<(), Failure> {
         on_threads(asked.threads, || of_files(&sources, &out, &asked, state))
     };
@@ -245,7 +246,7 @@ pub fn build_arrays<'py>(
     asked: &str,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<String>> {
-    let mut asked: Asked = serde_json::from_str(asked).map_err(|error| told(error.into()))?;
+    let mut asked: Asked = read_asked(asked).map_err(told)?;
     let source = ArraySource::new(columns, &asked.said).map_err(told)?;
     asked.attributes.get_or_insert_with(|| source.attributes());
     let job = move |state: &Arc<State>| -> Result<(), Failure> {

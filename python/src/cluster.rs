@@ -1,5 +1,6 @@
 //! Builds cut into tasks, which processes of one machine or of many run: a job is planned, run, asked how far it is, and removed.
 
+use crate::asked::read_asked;
 use crate::building::{Asked, Particles, refuse_built, run_build};
 use crate::error::{Failure, told};
 use crate::work;
@@ -27,7 +28,7 @@ pub fn cluster_plan(
     tasks: Option<u32>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Vec<String>)> {
-    let asked: Asked = serde_json::from_str(asked).map_err(|error| told(error.into()))?;
+    let asked: Asked = read_asked(asked).map_err(told)?;
     let plan = move |state: &Arc<State>| -> Result<String, Failure> {
         described(&planned(&job, &sources, &out, &asked, Split { tasks }, state)?)
     };

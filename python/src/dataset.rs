@@ -1,5 +1,6 @@
 //! Data that Python has opened: what it holds, pictures of it, and what is asked of it.
 
+use crate::asked::read_asked;
 use crate::cache;
 use crate::error::{Failure, told};
 use crate::grids::{AskedSamples, Samples};
@@ -10,6 +11,7 @@ use crate::tours::AskedTour;
 use crate::work;
 use deepfield_draw::explore::Rows;
 use deepfield_draw::look::{Member, Shot, data_file};
+use deepfield_draw::model::Progress;
 use deepfield_draw::picture::asked::{Asked, AskedProbe, State, about, on_threads, only};
 use deepfield_draw::picture::{AnySession, PictureError, Reporter, SessionOptions};
 use deepfield_draw::store::keep_pages_from_afar;
@@ -105,10 +107,12 @@ impl Dataset {
         let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
         let job = move |state: &Arc<State>| -> Result<Drawn, Failure> {
             on_threads(threads, || {
-                let asked: Asked = serde_json::from_str(&asked)?;
+                let asked: Asked = read_asked(&asked)?;
                 let mut members = members(&paths);
                 let (shot, options) = asked.request(&mut members)?;
                 let mut session = session(&members, options, [&shot], state)?;
+                // Without a stage nobody is told anything, nor may end it.
+                state.begin("drawing", 0);
                 let drawn = session.draw(&shot)?;
                 let image = session.finished(&shot, &drawn)?;
                 Ok(Drawn::new(&mut session, &shot, image, drawn))
@@ -128,7 +132,7 @@ impl Dataset {
     ) -> PyResult<(String, Vec<String>)> {
         let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
         let job = move |state: &Arc<State>| -> Result<String, Failure> {
-            let asked: AskedProbe = serde_json::from_str(&asked)?;
+            let asked: AskedProbe = read_asked(&asked)?;
             on_threads(threads, || Ok(serde_json::to_string(&asked.answer(only("probe", &paths)?, state)?)?))
         };
         work::run_alone(py, progress, job)
@@ -144,7 +148,7 @@ impl Dataset {
     ) -> PyResult<(String, Vec<String>)> {
         let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
         let job = move |state: &Arc<State>| -> Result<String, Failure> {
-            let asked: AskedPlot = serde_json::from_str(&asked)?;
+            let asked: AskedPlot = read_asked(&asked)?;
             on_threads(threads, || asked.answer(only("plot", &paths)?, state))
         };
         work::run_alone(py, progress, job)
@@ -161,7 +165,7 @@ impl Dataset {
     ) -> PyResult<Table<'py>> {
         let (paths, asked, ids) = (Arc::clone(&self.paths), asked.to_owned(), ids_in(ids)?);
         let job = move |state: &Arc<State>| -> Result<Rows, Failure> {
-            let asked: AskedRows = serde_json::from_str(&asked)?;
+            let asked: AskedRows = read_asked(&asked)?;
             on_threads(threads, || asked.rows(only("select", &paths)?, ids, state))
         };
         let (rows, told) = work::run_alone(py, progress, job)?;
@@ -180,7 +184,7 @@ impl Dataset {
     ) -> PyResult<Table<'py>> {
         let (paths, asked, ids) = (Arc::clone(&self.paths), asked.to_owned(), ids_in(ids)?);
         let job = move |state: &Arc<State>| -> Result<Rows, Failure> {
-            let asked: AskedRows = serde_json::from_str(&asked)?;
+            let asked: AskedRows = read_asked(&asked)?;
             on_threads(threads, || asked.paths(only("paths", &paths)?, ids, state))
         };
         let (rows, told) = work::run_alone(py, progress, job)?;
@@ -197,7 +201,7 @@ impl Dataset {
     ) -> PyResult<(Bound<'py, PyArray1<u8>>, String)> {
         let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
         let job = move |state: &Arc<State>| -> Result<Samples, Failure> {
-            let asked: AskedSamples = serde_json::from_str(&asked)?;
+            let asked: AskedSamples = read_asked(&asked)?;
             asked.grid(only("array", &paths)?, state)
         };
         let (found, _) = work::run_alone(py, progress, job)?;
@@ -213,7 +217,7 @@ impl Dataset {
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, String)> {
         let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
         let job = move |_: &Arc<State>| -> Result<(Vec<f64>, [usize; 2], Value), Failure> {
-            let asked: AskedSamples = serde_json::from_str(&asked)?;
+            let asked: AskedSamples = read_asked(&asked)?;
             asked.heights(only("heights", &paths)?)
         };
         let ((heights, shape, about), _) = work::run_alone(py, progress, job)?;
@@ -230,7 +234,7 @@ impl Dataset {
     ) -> PyResult<(Vec<PathBuf>, Vec<String>)> {
         let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
         let job = move |state: &Arc<State>| -> Result<Vec<PathBuf>, Failure> {
-            let asked: AskedTour = serde_json::from_str(&asked)?;
+            let asked: AskedTour = read_asked(&asked)?;
             let open = |members: &[Member], options: SessionOptions| session(members, options, [], state);
             on_threads(asked.threads, || {
                 let mut show = asked.open(only("tour", &paths)?, open, state)?;
@@ -250,7 +254,7 @@ impl Dataset {
     ) -> PyResult<(String, Vec<String>)> {
         let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
         let job = move |state: &Arc<State>| -> Result<String, Failure> {
-            let asked: AskedTour = serde_json::from_str(&asked)?;
+            let asked: AskedTour = read_asked(&asked)?;
             let open = |members: &[Member], options: SessionOptions| session(members, options, [], state);
             let mut show = asked.open(only("tour", &paths)?, open, state)?;
             asked.scene(&mut show, time)

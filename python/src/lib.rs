@@ -6,6 +6,7 @@
 
 mod arrays;
 mod arrow;
+mod asked;
 mod building;
 mod cache;
 mod cluster;

@@ -1,14 +1,13 @@
 //! A finished picture, as Python has it: colours, numbers, and what they mean.
 
 use crate::error::told;
-use deepfield_draw::annotate::Units;
 use deepfield_draw::color::{Image, output};
 use deepfield_draw::look::Shot;
-use deepfield_draw::picture::asked::{ChannelValues, channels, facts};
+use deepfield_draw::picture::asked::{ChannelValues, channels, facts, units_and_ends};
 use deepfield_draw::picture::{self, AnySession};
-use numpy::{PyArray1, PyArray3, PyArrayMethods};
+use numpy::{PyArray1, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{PyBytes, PyDict, PyType};
 use std::path::PathBuf;
 
 /// A picture as it was drawn, away from the interpreter.
@@ -22,10 +21,9 @@ pub struct Drawn {
 impl Drawn {
     /// A picture that was drawn of a shot, and its colours.
     pub fn new(session: &mut AnySession, shot: &Shot, image: Image, drawn: picture::Picture) -> Drawn {
-        let units =
-            session.particles().map(|session| Units::of(session.tree().metadata(), &drawn.annotation.depiction));
+        let (units, ends) = units_and_ends(session, &drawn);
         let about = facts(&drawn, shot, units.as_ref()).to_string();
-        Drawn { image, channels: channels(drawn), about }
+        Drawn { image, channels: channels(drawn, ends), about }
     }
 
     /// The picture for Python, whose arrays take its memory over.
@@ -51,6 +49,9 @@ impl Drawn {
     }
 }
 
+/// Width, height, colours, channels and what else is known of a picture.
+type Parts = (u32, u32, Py<PyArray1<u8>>, Py<PyDict>, String);
+
 /// A picture.
 #[pyclass(frozen, module = "deepfield._deepfield")]
 pub struct Picture {
@@ -65,6 +66,29 @@ pub struct Picture {
 
 #[pymethods]
 impl Picture {
+    /// The picture of what [`Picture::__reduce__`] tells.
+    #[new]
+    fn new(
+        width: u32,
+        height: u32,
+        rgba: Bound<'_, PyArray1<u8>>,
+        channels: Bound<'_, PyDict>,
+        about: String,
+    ) -> PyResult<Picture> {
+        let expected = 4 * u64::from(width) * u64::from(height);
+        if rgba.len() as u64 != expected {
+            return Err(told(format!("rgba: found {} bytes, expected {expected}", rgba.len()).into()));
+        }
+        Ok(Picture { width, height, rgba: rgba.unbind(), channels: channels.unbind(), about })
+    }
+
+    /// How it is copied and sent to other processes.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, Parts) {
+        let py = slf.py();
+        let Picture { width, height, rgba, channels, about } = slf.get();
+        (slf.get_type(), (*width, *height, rgba.clone_ref(py), channels.clone_ref(py), about.clone()))
+    }
+
     /// What it shows, as JSON.
     #[getter]
     fn about(&self) -> &str {

@@ -81,8 +81,13 @@ impl AskedTour {
     /// When a frame cannot be drawn or written. What is finished stays.
     pub fn record(&self, show: &mut Show, folder: &Path, state: &State) -> Result<Vec<PathBuf>, Failure> {
         let rate = self.fps.unwrap_or(show.tour.rate);
+        if !(rate.is_finite() && rate > 0.0) {
+            return Err(format!("fps: found {rate}, expected a number greater than 0").into());
+        }
         let frames = Frames::new(show.duration(), show.repeats(), rate, [self.start, self.end])?;
-        let pattern: Pattern = self.pattern.as_deref().unwrap_or("frame-%05d").parse()?;
+        let pattern = self.pattern.as_deref().unwrap_or("frame-%05d");
+        let pattern =
+            pattern.parse::<Pattern>().map_err(|expected| format!("pattern: found {pattern:?}, {expected}"))?;
         std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
         state.begin("drawing frames", frames.count() as u64);
         let mut last = None;

@@ -103,6 +103,21 @@ class Interrupted(WithFolder):
         for path in folder.rglob("*.df"):
             self.assertGreater(deepfield.open(path).count, 0)
 
+    def test_a_picture_is_told_of_and_ends_at_what_that_raises(self):
+        class Enough(Exception):
+            pass
+
+        stages = []
+
+        def enough(stage, done, total):
+            stages.append(stage)
+            raise Enough
+
+        data = deepfield.build(particles(20_000), self.out / "box.df")
+        with self.assertRaises(Enough):
+            data.render(size=(3000, 3000), mode="column-density", progress=enough)
+        self.assertEqual(stages, ["drawing"])
+
     def test_what_progress_raises_ends_a_build(self):
         class Enough(Exception):
             pass

@@ -438,13 +438,14 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends, run:
     let request = OpenRequest {
         light: light.clone(),
         members: (!path.as_os_str().is_empty())
-            .then(|| Member::new(path))
+            .then(|| member_of(path, settings.tour.as_deref()))
             .into_iter()
             .chain(settings.with.iter().cloned())
             .collect(),
         scene: settings.scene.clone(),
         projection: Some(projection),
         time: settings.time,
+        interpolation: None,
         said: settings.said(),
         map: settings.map.clone(),
     };
@@ -504,6 +505,14 @@ fn grower(run: CachedRun) -> crate::window::Grower {
     })
 }
 
+/// The data that is opened; where a tour names it, with what that says of it, as recordings have it.
+#[cfg(feature = "viewer")]
+fn member_of(path: &Path, tour: Option<&Path>) -> Member {
+    let named = tour.and_then(|tour| TourFile::read(tour).ok()?.dataset?.locate(tour).ok());
+    let named = named.and_then(|located| located.members.into_iter().find(|member| member.path == path));
+    Member { said: named.map(|member| member.said).unwrap_or_default(), ..Member::new(path) }
+}
+
 /// How directions become a picture to begin with, and for which eyes: as the scene or the tour says that is opened, with what the
 /// command line does.
 #[cfg(feature = "viewer")]
@@ -550,4 +559,22 @@ fn machine() -> String {
     let variables = ["HOSTNAME", "COMPUTERNAME"].into_iter().filter_map(|name| std::env::var(name).ok());
     let file = std::fs::read_to_string("/etc/hostname").ok();
     variables.chain(file).find(|name| !name.trim().is_empty()).unwrap_or_else(|| "follower".to_owned())
+}
+
+#[cfg(all(test, feature = "viewer"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_tour_says_of_its_data_is_said_of_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let [data, other, tour] = ["field.asc", "other.asc", "show.ron"].map(|name| folder.path().join(name));
+        std::fs::write(&data, "data").unwrap();
+        let text = "(version: 1, dataset: (path: \"field.asc\", nodata: -1.0), keyframes: [()])";
+        std::fs::write(&tour, text).unwrap();
+        let member = member_of(&data, Some(&tour));
+        assert_eq!((member.said.nodata, member.path), (Some(-1.0), data.clone()));
+        assert_eq!(member_of(&other, Some(&tour)), Member::new(&other));
+        assert_eq!(member_of(&data, None), Member::new(&data));
+    }
 }

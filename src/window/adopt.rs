@@ -11,6 +11,7 @@ use super::scene_io::{self, SceneParts};
 use super::state::choices::Choices;
 use super::state::notices::Notices;
 use crate::color::transfer::Range;
+use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Attribute, shown_families};
 use crate::mode::{Mode, SettingValue};
 use crate::model::FamilyName;
@@ -150,12 +151,17 @@ pub(crate) fn adopt_opened(
         1 => format!("opened {}", path.display()),
         more => format!("opened {} with {} more", path.display(), more - 1),
     });
-    let (dataset, generation) = scene.map_or((1, 1), |scene| (scene.dataset + 1, scene.generation + 1));
+    let (dataset, subject, generation) =
+        scene.map_or((1, 1, 1), |scene| (scene.dataset + 1, scene.subject + u32::from(!keeps), scene.generation + 1));
     let length_unit = metadata.length_unit.to_string();
     let (file, periodic) = (Arc::clone(&file), metadata.periodic_box());
     let mut playhead = run.and_then(|(data, moment)| Playhead::new(data, moment, tracks));
-    if let (Some(playhead), Some(before)) = (&mut playhead, before.filter(|_| keeps)) {
-        playhead.go_on_from(&before);
+    if let Some(playhead) = &mut playhead {
+        let said = opened.as_ref().and_then(|opened| opened.scene.look.interpolation);
+        playhead.hold(said == Some(Interpolation::Hold));
+        if let Some(before) = before.filter(|_| keeps) {
+            playhead.go_on_from(&before);
+        }
     }
     let times = playhead.as_ref().map(|playhead| playhead.times().clone());
     let time = playhead.as_ref().map(Playhead::time);
@@ -181,6 +187,7 @@ pub(crate) fn adopt_opened(
         opened,
         time,
         dataset,
+        subject,
         generation,
     });
 }

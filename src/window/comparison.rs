@@ -212,6 +212,11 @@ fn draw(session: &mut Session, key: &Key, diameter: f64) -> Result<Drawn, Pictur
     Ok(Drawn { images: [left, right], difference, splats: [few, many], color_error })
 }
 
+/// Whether hierarchies of what is open can be compared: where a file has several, in modes that draw each of them.
+pub fn applies(look: &Look, scene: &Scene) -> bool {
+    look.depiction.takes_clusters() && scene.metadata().has_clusters()
+}
+
 /// Draws both pictures of a view that rests.
 pub(super) fn compare(
     mut comparison: ResMut<Comparison>,
@@ -223,7 +228,8 @@ pub(super) fn compare(
     comparison.receive(notices.bypass_change_detection());
     comparison.is_current = false;
     let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else { return };
-    if !comparison.is_on || *backend == ActiveBackend::Surround {
+    // Where nothing can be compared the panel has no switch to end it.
+    if !comparison.is_on || *backend == ActiveBackend::Surround || !applies(&look, &scene) {
         if comparison.coming.is_none() {
             (comparison.drawn, comparison.session) = (None, None);
         }
@@ -245,4 +251,30 @@ pub(super) fn compare(
         return;
     }
     comparison.start(key, &scene);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::window::look::follow_settings;
+    use crate::window::touring::player::tests::Window;
+    use crate::window::transfer_presets::TransferPresets;
+
+    #[test]
+    fn nothing_is_compared_in_a_file_with_one_hierarchy() {
+        let mut window = Window::new();
+        let app = &mut window.app;
+        app.init_resource::<TransferPresets>().init_resource::<ViewSelection>().init_resource::<ActiveBackend>();
+        app.insert_resource(Comparison { is_on: true, ..Comparison::default() });
+        app.add_systems(Last, (follow_settings, compare).chain());
+        window.frame(0.0);
+        let world = window.app.world_mut();
+        assert!(!world.resource::<Scene>().file.metadata().has_clusters(), "the demo has an octree alone");
+        let bounds = world.resource::<Scene>().bounds;
+        let view = View::around(bounds, 0.8, 32, 24).unwrap();
+        world.resource_mut::<ViewSelection>().view = Some(view);
+        world.resource_mut::<Look>().settled = true;
+        window.frame(0.0);
+        assert!(!window.app.world().resource::<Comparison>().is_drawing());
+    }
 }

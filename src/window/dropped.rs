@@ -2,7 +2,6 @@
 
 use super::objects::{Objects, may_be_catalogue};
 use super::open::{Openings, Wanted};
-use super::options::OpenRequest;
 use super::scene::Scene;
 use super::touring::{Asked, Player};
 use crate::look::is_scene_file;
@@ -34,15 +33,15 @@ pub(super) fn open_dropped_files(
     for (path, adds) in dropped.chain(wanted.read().map(|Wanted(path)| (path, false))) {
         if is_tour(path) {
             player.ask(Asked::Open(path.clone()));
+            // It plays over what is open or on its way, else over the data that it names.
+            if scene.is_none() && !openings.is_opening() {
+                openings.open(path, false, None);
+            }
             continue;
         }
-        let mut request = OpenRequest::of(path);
-        if let Some(scene) = scene.as_ref().filter(|_| adds && !is_scene_file(path)) {
-            request.members.splice(0..0, scene.members.iter().cloned());
-        }
         match may_be_catalogue(path) {
-            true => objects.consider(path.clone(), request),
-            false => openings.start(request),
+            true => objects.consider(path.clone(), adds),
+            false => openings.open(path, adds, scene.as_deref()),
         }
     }
 }
@@ -136,21 +135,19 @@ mod tests {
         let file = Arc::new(PageFile::open(&page_file).unwrap());
         let (mut app, window) = app_with(opener);
         app.insert_resource(Scene::of_file(file, vec![Member::new(&page_file)]));
-        let mut open = |is_dropped: bool, shift: bool, adds: bool| {
+        let mut open = |dropped: &[&str], shift: bool, adds: bool| {
             let mut keys = ButtonInput::<KeyCode>::default();
             if shift {
                 keys.press(KeyCode::ShiftLeft);
             }
             app.insert_resource(keys);
             app.world_mut().resource_mut::<Openings>().adds_dropped = adds;
-            match is_dropped {
-                true => {
-                    let path_buf = "new.hdf5".into();
-                    app.world_mut().write_message(FileDragAndDrop::DroppedFile { window, path_buf });
-                }
-                false => {
-                    app.world_mut().write_message(Wanted("new.hdf5".into()));
-                }
+            for name in dropped {
+                let path_buf = name.into();
+                app.world_mut().write_message(FileDragAndDrop::DroppedFile { window, path_buf });
+            }
+            if dropped.is_empty() {
+                app.world_mut().write_message(Wanted("new.hdf5".into()));
             }
             let start = Instant::now();
             loop {
@@ -164,9 +161,31 @@ mod tests {
                 std::thread::sleep(Duration::from_millis(1));
             }
         };
-        assert_eq!(open(true, false, false), (1, 1, "new.hdf5".into()));
-        assert_eq!(open(true, true, false), (2, 2, page_file.clone()));
-        assert_eq!(open(true, false, true), (2, 2, page_file.clone()));
-        assert_eq!(open(false, true, true), (1, 1, "new.hdf5".into()), "what is not dropped takes its place");
+        assert_eq!(open(&["new.hdf5"], false, false), (1, 1, "new.hdf5".into()));
+        assert_eq!(open(&["new.hdf5"], true, false), (2, 2, page_file.clone()));
+        assert_eq!(open(&["new.hdf5"], false, true), (2, 2, page_file.clone()));
+        assert_eq!(open(&[], true, true), (1, 1, "new.hdf5".into()), "what is not dropped takes its place");
+        // All files of one drop.
+        assert_eq!(open(&["one", "other"], true, false), (3, 3, page_file.clone()));
+        assert_eq!(open(&["one", "other"], false, false), (1, 1, "other".into()));
+    }
+
+    #[test]
+    fn a_tour_brings_its_data_where_nothing_is_open() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("snapshot");
+        std::fs::write(&data, "data").unwrap();
+        let tour = folder.path().join("show.ron");
+        std::fs::write(&tour, "(version: 1, dataset: (path: \"snapshot\"), keyframes: [()])").unwrap();
+        let (mut app, window) = app_with(Arc::new(|path, _, _| Err(format!("{}: asked for", path.display()))));
+        app.world_mut().write_message(FileDragAndDrop::DroppedFile { window, path_buf: tour });
+        let start = Instant::now();
+        while app.world().resource::<Notices>().all().next().is_none() {
+            assert!(start.elapsed() < Duration::from_secs(60), "its data is not opened");
+            app.update();
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let notices: Vec<String> = app.world().resource::<Notices>().all().map(|notice| notice.text.clone()).collect();
+        assert_eq!(notices, [format!("{}: asked for", data.display())]);
     }
 }

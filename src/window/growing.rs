@@ -62,8 +62,8 @@ impl Growing {
                 More::Done => return Ok(Grown::Done),
             };
             let time = *present.lock().unwrap_or_else(PoisonError::into_inner);
-            let mut opened =
-                open_members(vec![Member::new(path)], None, time.map(When::Time), read, &opener, shared.as_ref())?;
+            let (members, moment) = (vec![Member::new(path)], (time.map(When::Time), None));
+            let mut opened = open_members(members, None, moment, read, &opener, shared.as_ref())?;
             // A time that the run does not have is not one that the user has named.
             opened.notes.clear();
             Ok(Grown::Opened(Box::new(Opened { keeps: true, ..opened })))

@@ -31,7 +31,8 @@ pub struct History {
     future: Vec<Settings>,
     /// Settings that differ from the present ones, and for how many frames they have not changed.
     edited: Option<(Settings, u32)>,
-    dataset: u32,
+    /// The [`Scene::subject`] that all of this is of.
+    subject: u32,
     /// A step that a button of the panel asks for.
     pub asked: Option<Step>,
 }
@@ -49,8 +50,8 @@ impl History {
 
     /// Forgets all steps; the next settings that stay are where it begins.
     pub fn restart(&mut self) {
-        let dataset = self.dataset;
-        *self = History { dataset, ..History::default() };
+        let subject = self.subject;
+        *self = History { subject, ..History::default() };
     }
 
     /// Looks at the settings of a frame; `busy`: an edit may be under way.
@@ -133,11 +134,11 @@ pub(super) fn record_settings(
     mut history: ResMut<History>,
 ) {
     let history = history.bypass_change_detection();
-    let dataset = scene.map_or(0, |scene| scene.dataset);
-    if history.dataset != dataset {
+    let subject = scene.map_or(0, |scene| scene.subject);
+    if history.subject != subject {
         // Settings of one file mean nothing for another.
         history.restart();
-        history.dataset = dataset;
+        history.subject = subject;
     }
     // A tour that plays is one step.
     let busy = buttons.get_pressed().next().is_some() || player.clock().is_running();
@@ -156,6 +157,7 @@ mod tests {
     use crate::view::cut::{Axis, ClipBox, Fade, Slab};
     use crate::view::{CutSettings, Eyes, Periodic, Stereo, StereoKind, Surround};
     use crate::window::preset::Preset;
+    use crate::window::touring::player::tests::Window;
     use bevy::math::DVec3;
     use proptest::prelude::*;
 
@@ -249,6 +251,23 @@ mod tests {
             }
             prop_assert!(history.step(Step::Redo, &settings).is_none());
         }
+    }
+
+    #[test]
+    fn more_of_what_is_open_leaves_the_steps_and_other_data_ends_them() {
+        let mut window = Window::new();
+        window.app.init_resource::<History>().add_systems(Last, record_settings);
+        let past = |window: &mut Window| {
+            (0..3 * QUIET_FRAMES).for_each(|_| window.frame(0.0));
+            window.app.world().resource::<History>().steps()[0]
+        };
+        assert_eq!(past(&mut window), 0);
+        window.app.world_mut().resource_mut::<Settings>().error_px = 7.0;
+        assert_eq!(past(&mut window), 1);
+        window.app.world_mut().resource_mut::<Scene>().dataset += 1;
+        assert_eq!(past(&mut window), 1);
+        window.app.world_mut().resource_mut::<Scene>().subject += 1;
+        assert_eq!(past(&mut window), 0);
     }
 
     #[test]

@@ -42,7 +42,7 @@ pub mod pages;
 pub mod panel;
 mod panes;
 mod pass_times;
-mod paths;
+pub mod paths;
 pub mod pick;
 pub mod picture;
 mod picture_sizes;
@@ -63,6 +63,7 @@ pub mod theme;
 pub mod time_dock;
 pub mod touring;
 pub mod transfer_presets;
+pub mod written;
 
 mod preset_assets;
 mod ron_asset;
@@ -70,7 +71,6 @@ mod shader_reload;
 mod sheet;
 mod status;
 mod ui;
-mod written;
 
 pub use live::{LiveBuffer, LiveParticles};
 pub use options::{AppError, Demo, Extension, Grower, More, OpenRequest, Opener, WindowOptions};
@@ -277,9 +277,11 @@ impl Plugin for WindowApp {
                 (files::take_keys, files::carry_out, dropped::open_dropped_files)
                     .chain()
                     .in_set(WindowSystems::TakeInput),
-                (open::finish_opening, growing::grow.run_if(resource_exists::<growing::Growing>)).chain(),
+                // What turns out to be data joins what is on its way, which is there before it has arrived.
                 objects::receive_catalogue,
-                objects::follow_time.after(objects::receive_catalogue),
+                // A run gives way to a file that has been asked for until that is handed over.
+                (growing::grow.run_if(resource_exists::<growing::Growing>), open::finish_opening).chain(),
+                objects::follow_time,
                 (adopt::adopt_opened, files::remember_opened).chain(),
                 objects::stand_on_heights,
                 ground::follow_ground,

@@ -1,7 +1,6 @@
 //! Named objects of a catalogue: their names over the picture, flights to them, and probes of them.
 
 use super::open::Openings;
-use super::options::OpenRequest;
 use super::playhead::Playhead;
 use super::scene::{Scene, Settings};
 use super::state::answer::Answer;
@@ -13,6 +12,7 @@ use crate::picture::PictureError;
 use crate::picture::surface::FieldInScene;
 use bevy::math::DVec3;
 use bevy::prelude::*;
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 /// The catalogue that is open, if any.
@@ -28,10 +28,10 @@ pub struct Objects {
     time: Option<f64>,
     /// What the list in the panel is narrowed to.
     pub search: String,
-    /// A file that was dropped and may be a catalogue, on its way; `None` comes of one that is not.
-    dropped: Answer<Option<Catalogue>>,
-    /// How it is opened as data.
-    as_data: OpenRequest,
+    /// Files that were dropped and may be catalogues, and whether each joins what is open where it is data.
+    dropped: VecDeque<(PathBuf, bool)>,
+    /// The first of them, on its way; `None` comes of one that is no catalogue.
+    considered: Answer<Option<Catalogue>>,
     /// Whether the command line has named the catalogue, so that the first scene does not change it.
     pub is_given: bool,
 }
@@ -78,13 +78,16 @@ fn standing_on(fields: &[FieldInScene], places: &[[f64; 2]]) -> Result<Standing,
 impl Objects {
     /// Opens a catalogue, in the place of the one that is open.
     pub fn open(&mut self, path: PathBuf) {
-        self.labels.clear();
-        self.time = None;
-        self.in_plane = None;
-        self.catalogue = Answer::ask("catalogue", move |_| match Catalogue::in_plane(&path)? {
+        self.replace(Answer::ask("catalogue", move |_| match Catalogue::in_plane(&path)? {
             Some(table) => Ok(table),
             None => Catalogue::read_at(&path, None, true),
-        });
+        }));
+    }
+
+    /// Takes another catalogue in the place of the one that is open, of which nothing stays.
+    fn replace(&mut self, catalogue: Answer<Catalogue>) {
+        self.labels.clear();
+        (self.time, self.in_plane, self.catalogue) = (None, None, catalogue);
     }
 
     /// Opens the catalogue that a scene names, if it names one.
@@ -99,10 +102,9 @@ impl Objects {
         self.catalogue.here().map(|catalogue| catalogue.path.as_path())
     }
 
-    /// Looks whether a file that was dropped on the window is a catalogue, and opens it as that, or else `as_data`.
-    pub fn consider(&mut self, path: PathBuf, as_data: OpenRequest) {
-        self.as_data = as_data;
-        self.dropped = Answer::ask("catalogue", move |_| Ok::<_, String>(Catalogue::read(&path).ok()));
+    /// Has a look whether a file that was dropped on the window is a catalogue, and opens it as that, or else as data, which `joins` what is open.
+    pub fn consider(&mut self, path: PathBuf, joins: bool) {
+        self.dropped.push_back((path, joins));
     }
 
     /// The first objects whose names hold what is searched for, and how many there are.
@@ -165,14 +167,18 @@ pub(super) fn receive_catalogue(
     mut notices: ResMut<Notices>,
 ) {
     let objects = objects.bypass_change_detection();
-    if objects.dropped.receive() {
-        match std::mem::take(&mut objects.dropped) {
-            Answer::Here(Some(catalogue)) => {
-                objects.labels.clear();
-                objects.catalogue = Answer::ready(catalogue);
+    objects.considered.receive();
+    if !matches!(objects.considered, Answer::Coming(_))
+        && let Some((path, joins)) = objects.dropped.pop_front()
+    {
+        match std::mem::take(&mut objects.considered) {
+            Answer::Nothing => {
+                objects.dropped.push_front((path.clone(), joins));
+                objects.considered = Answer::ask("catalogue", move |_| Ok::<_, String>(Catalogue::read(&path).ok()));
             }
+            Answer::Here(Some(catalogue)) => objects.replace(Answer::ready(catalogue)),
             // A snapshot or a scene, or nothing that can be read: opening it says so.
-            _ => openings.start(std::mem::take(&mut objects.as_data)),
+            _ => openings.open(&path, joins, scene.as_deref()),
         }
     }
     if !objects.catalogue.receive() {
@@ -249,6 +255,28 @@ pub(super) fn stand_on_heights(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn nothing_stays_of_the_catalogue_before_one_that_is_dropped() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("names.ron");
+        std::fs::write(&path, r#"(objects: [(name: "Coma", position: (1.0, 2.0, 3.0))])"#).unwrap();
+        let mut app = App::new();
+        app.insert_resource(Openings::new(std::sync::Arc::new(|_, _, _| Err("no data".to_owned()))))
+            .init_resource::<Notices>()
+            .insert_resource(Objects { time: Some(2.0), ..Objects::default() })
+            .add_systems(Update, receive_catalogue);
+        app.world_mut().resource_mut::<Objects>().consider(path.clone(), false);
+        let start = std::time::Instant::now();
+        while app.world().resource::<Objects>().path() != Some(&path) {
+            assert!(start.elapsed() < std::time::Duration::from_secs(60), "the catalogue is not opened");
+            app.update();
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        let objects = app.world().resource::<Objects>();
+        assert!(objects.labels.len() == 1 && objects.dropped.is_empty());
+        assert_eq!(objects.time, None, "it is moved to the time that is shown");
+    }
 
     #[test]
     fn catalogues_are_searched() {

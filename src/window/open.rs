@@ -7,7 +7,7 @@ mod sketch;
 
 use super::options::{OpenRequest, Opener};
 use super::preset::{Preset, ResidencyPreset};
-use super::scene::SceneField;
+use super::scene::{Scene, SceneField};
 use super::state::notices::Notices;
 use super::state::progress::SharedProgress;
 use crate::hierarchy::spacetime::Interpolation;
@@ -18,6 +18,7 @@ use crate::picture::mixed::MixedSession;
 use crate::store::run::RunTree;
 use crate::store::{PageFile, StoreError};
 use crate::stream::first_frame;
+use crate::tour::TourFile;
 use bevy::prelude::*;
 use sketch::Sketch;
 use std::path::{Path, PathBuf};
@@ -42,6 +43,8 @@ pub struct Openings {
 /// A file on its way.
 struct Opening {
     path: PathBuf,
+    /// What was asked for.
+    members: Vec<Member>,
     progress: Arc<SharedProgress>,
     outcome: Mutex<Receiver<Result<Opened, String>>>,
     /// Whether a part of it is shown.
@@ -109,46 +112,57 @@ impl Openings {
         Openings { opener, current: None, behind: None, read, page_memory, adds_dropped: false }
     }
 
+    /// Starts to open a file in the place of what is open, or where it `joins`, with it: with what is on its way, where something is.
+    pub(super) fn open(&mut self, path: &Path, joins: bool, scene: Option<&Scene>) {
+        let mut request = OpenRequest::of(path);
+        if joins && !is_scene_file(path) {
+            let is_data = |opening: &&Opening| !opening.members.iter().any(|member| is_scene_file(&member.path));
+            let coming = self.current.as_ref().filter(|opening| !opening.is_shown).filter(is_data);
+            let open = coming.map(|opening| &opening.members).or(scene.map(|scene| &scene.members));
+            request.members.splice(0..0, open.into_iter().flatten().cloned());
+        }
+        self.start(request);
+    }
+
     /// Starts to open a file; one that is still on its way is abandoned.
     pub fn start(&mut self, request: OpenRequest) {
         let progress = Arc::new(SharedProgress::default());
         progress.begin("reading", 0);
         let named = request.members.last().map(|member| member.path.clone()).or_else(|| request.scene.clone());
         let (opener, path, shared) = (Arc::clone(&self.opener), named.unwrap_or_default(), Arc::clone(&progress));
-        let (read, page_memory) = (self.read, self.page_memory);
-        let (time, (send, outcome)) = (request.time, channel());
+        let (read, page_memory, members) = (self.read, self.page_memory, request.members.clone());
+        let (moment, (send, outcome)) = ((request.time, request.interpolation), channel());
         // A thread of its own: a disk that does not answer must not take one from a pool that draws.
         let (early, failed) = (send.clone(), send.clone());
         let open = move || {
             let map = request.map.clone();
-            let (members, scene) = data_of(request)?;
-            if let [only] = &members[..]
-                && only.is_of_heights()
-                && only.is_in_place()
-            {
+            let Wished { members, scene, notes } = data_of(request)?;
+            let opened = if matches!(&members[..], [only] if only.is_of_heights() && only.is_in_place()) {
                 let seen = Seen { scene, map };
-                return heights::open_heights(members, &seen, read, &opener, shared.as_ref(), &early);
-            }
-            if MixedSession::is_for(&members) {
+                heights::open_heights(members, &seen, read, &opener, shared.as_ref(), &early)
+            } else if MixedSession::is_for(&members) {
                 let seen = Seen { scene, map };
-                return mixed::open_mixed(members, &seen, (read, time), page_memory, &opener, shared.as_ref());
-            }
-            let sketch = match &members[..] {
-                [only] if is_field(&only.path) => Some(Sketch::begin(&members, &scene, read, early)),
-                _ => None,
+                mixed::open_mixed(members, &seen, (read, moment.0), page_memory, &opener, shared.as_ref())
+            } else {
+                let sketch = match &members[..] {
+                    [only] if is_field(&only.path) => Some(Sketch::begin(&members, &scene, read, early)),
+                    _ => None,
+                };
+                let open = || open_members(members, scene, moment, read, &opener, shared.as_ref());
+                match sketch {
+                    Some(Ok(sketch)) => sketch.end(open),
+                    // What cannot be drawn as a field may be drawn by its voxels.
+                    Some(Err(_)) | None => open(),
+                }
             };
-            match sketch {
-                Some(Ok(sketch)) => sketch.end(|| open_members(members, scene, time, read, &opener, shared.as_ref())),
-                // What cannot be drawn as a field may be drawn by its voxels.
-                Some(Err(_)) | None => open_members(members, scene, time, read, &opener, shared.as_ref()),
-            }
+            opened.map(|opened| Opened { notes: [notes, opened.notes].concat(), ..opened })
         };
         // Nobody listens any more where another file was opened meanwhile.
         let thread = std::thread::Builder::new().name("deepfield open".into()).spawn(move || drop(send.send(open())));
         if let Err(error) = thread {
             drop(failed.send(Err(format!("{}: no thread can be started: {error}", path.display()))));
         }
-        self.current = Some(Opening { path, progress, outcome: Mutex::new(outcome), is_shown: false });
+        self.current = Some(Opening { path, members, progress, outcome: Mutex::new(outcome), is_shown: false });
     }
 
     /// Whether a file that was asked for is on its way.
@@ -165,11 +179,11 @@ impl Openings {
     }
 }
 
-/// Opens datasets as one scene, at a moment where they are a run.
+/// Opens datasets as one scene, of a run at a moment and with how its particles move, in place of what the scene says of either.
 pub(super) fn open_members(
     members: Vec<Member>,
     scene: Option<OpenedScene>,
-    time: Option<When>,
+    (time, interpolation): (Option<When>, Option<Interpolation>),
     read: ReadMethod,
     opener: &Opener,
     progress: &dyn Progress,
@@ -189,8 +203,8 @@ pub(super) fn open_members(
     notes.extend(unlike);
     let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
     let frame = first_frame(&file, &families, 0.0);
-    let interpolation = scene.as_ref().and_then(|opened| opened.scene.look.interpolation).unwrap_or_default();
-    let tracks = tracks_of(&data, &members, interpolation).unwrap_or_else(|error| {
+    let interpolation = interpolation.or(scene.as_ref().and_then(|opened| opened.scene.look.interpolation));
+    let tracks = tracks_of(&data, &members, interpolation.unwrap_or_default()).unwrap_or_else(|error| {
         notes.push(error.to_string());
         None
     });
@@ -217,8 +231,12 @@ fn tracks_of(
     members: &[Member],
     interpolation: Interpolation,
 ) -> Result<Option<Arc<RunTree>>, StoreError> {
-    let Some(run) = data.run().filter(|run| run.tracks().is_ok() && interpolation != Interpolation::Hold) else {
-        return Ok(None);
+    let Some(run) = data.run().filter(|run| run.tracks().is_ok()) else { return Ok(None) };
+    // Who is shown steps alone may want to see the rest.
+    let interpolation = match interpolation {
+        Interpolation::Hold if !run.has_stills() => return Ok(None),
+        Interpolation::Hold => Interpolation::default(),
+        moves => moves,
     };
     let units = (&run.directory().length_unit, &run.directory().mass_unit);
     match members {
@@ -238,13 +256,24 @@ impl From<StoreError> for Failure {
     }
 }
 
-/// The datasets to open: what is named, or what the scene that is named says; its own data where both are. What is said of heights among them is
-/// over what the scene says.
-fn data_of(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedScene>), String> {
+/// What is to be opened.
+#[derive(Default)]
+struct Wished {
+    members: Vec<Member>,
+    /// The scene that it is seen by.
+    scene: Option<OpenedScene>,
+    /// What is to be known of the data that a tour names; what is of a scene's is with that.
+    notes: Vec<String>,
+}
+
+/// The datasets to open: what is named, or what the scene or the tour that is named says; its own data where both are. What is said of heights
+/// among them is over what the scene says.
+fn data_of(request: OpenRequest) -> Result<Wished, String> {
     let said = request.said.clone();
-    let (mut members, scene) = data_and_scene(request)?;
-    say(&mut members, &said);
-    check_derived(&members)?;
+    let mut wished = data_and_scene(request)?;
+    let members = &mut wished.members;
+    say(members, &said);
+    check_derived(members)?;
     let has_heights = members.iter().any(Member::is_of_heights);
     if let Some(photo) = said.texture.filter(|_| !has_heights) {
         return Err(format!("{}: --texture: found no heights to lay it over, expected some", photo.path.display()));
@@ -252,15 +281,18 @@ fn data_of(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedScene>), S
     if let Some(before) = said.before.filter(|_| !has_heights) {
         return Err(format!("{}: --before: found no heights to compare it with, expected some", before.display()));
     }
-    Ok((members, scene))
+    Ok(wished)
 }
 
-fn data_and_scene(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedScene>), String> {
+fn data_and_scene(request: OpenRequest) -> Result<Wished, String> {
     let mut own = request.members;
     let path = match request.scene {
         Some(scene) => scene,
-        None if own.first().is_some_and(|first| is_scene_file(&first.path)) => own.remove(0).path,
-        None => return Ok((own, None)),
+        None if own.first().is_some_and(|first| is_scene_file(&first.path)) => match TourFile::read(&own[0].path) {
+            Ok(tour) => return data_of_tour(&own[0].path, &tour),
+            Err(_) => own.remove(0).path,
+        },
+        None => return Ok(Wished { members: own, ..Wished::default() }),
     };
     let mut scene = SceneFile::read(&path).map_err(|error| error.to_string())?;
     if let Some((surround, stereo)) = request.projection {
@@ -274,7 +306,22 @@ fn data_and_scene(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedSce
     } else if let Some(named) = scene.datasets.first() {
         own[0].families.clone_from(&named.families);
     }
-    Ok((own, Some(OpenedScene { path, scene, notes })))
+    Ok(Wished { members: own, scene: Some(OpenedScene { path, scene, notes }), notes: Vec::new() })
+}
+
+/// The data that a tour names.
+fn data_of_tour(path: &Path, tour: &TourFile) -> Result<Wished, String> {
+    let Some(dataset) = &tour.dataset else {
+        return Err(format!(
+            "{}: dataset: found none, expected the tour's data: open some, and it plays",
+            path.display()
+        ));
+    };
+    let located = dataset.locate(path).map_err(|error| error.to_string())?;
+    // As recordings have it.
+    let as_it_lies = |member: Member| Member { said: member.said, ..Member::new(member.path) };
+    let members = located.members.into_iter().map(as_it_lies).collect();
+    Ok(Wished { members, scene: None, notes: located.notes })
 }
 
 /// Files that are opened from now on are read as the preset says.
@@ -326,13 +373,22 @@ mod tests {
             let members = vec![Member::new(path)];
             data_of(OpenRequest { members, scene: scene.map(Path::to_owned), ..OpenRequest::default() })
         };
-        let (members, scene) = open(&path, None).unwrap();
+        let Wished { members, scene, .. } = open(&path, None).unwrap();
         assert_eq!((members, scene.unwrap().path), (vec![Member::new(&data)], path.clone()));
-        let (members, scene) = open(Path::new("other.df"), Some(&path)).unwrap();
+        let Wished { members, scene, .. } = open(Path::new("other.df"), Some(&path)).unwrap();
         assert!(members == [Member::new("other.df")] && scene.is_some(), "other data in the light of a scene");
-        assert!(open(&data, None).unwrap().1.is_none());
+        assert!(open(&data, None).unwrap().scene.is_none());
+        // A tour leads to its data, too, and says nothing of how that is seen.
+        let tour = folder.path().join("a.tour.ron");
+        let keyframes = "keyframes: [(around: (what: data))])";
+        std::fs::write(&tour, format!("(version: 1, dataset: (path: \"box.df\"), {keyframes}")).unwrap();
+        let Wished { members, scene, .. } = open(&tour, None).unwrap();
+        assert!(members == [Member::new(&data)] && scene.is_none());
+        std::fs::write(&tour, format!("(version: 1, {keyframes}")).unwrap();
+        let error = open(&tour, None).err().unwrap();
+        assert!(error.contains("a.tour.ron: dataset: found none"), "{error}");
         std::fs::remove_file(&data).unwrap();
-        let error = open(&path, None).unwrap_err();
+        let error = open(&path, None).err().unwrap();
         assert!(error.contains("a.scene.ron: the data is not at") && error.contains("--scene"), "{error}");
     }
 }

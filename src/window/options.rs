@@ -1,6 +1,7 @@
 //! What a caller hands to the window, and the errors that keep it from opening.
 
 use super::preset::{Backend, Preset, PresetError};
+use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{HeightsSaid, LookPatch, Member};
 use crate::model::When;
 use crate::model::progress::Progress;
@@ -51,6 +52,8 @@ pub struct OpenRequest {
     pub light: LookPatch,
     /// The moment of a run, in place of the one that the scene says.
     pub time: Option<When>,
+    /// How its particles move between the steps, in place of what the scene says.
+    pub interpolation: Option<Interpolation>,
     /// What is said of heights among the data, over what the scene says.
     pub said: HeightsSaid,
     /// How degrees of heights become places, in place of what the scene says.

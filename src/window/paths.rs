@@ -150,6 +150,15 @@ impl Paths {
         self.drawn.as_ref().filter(|_| self.job.is_some() && !self.among).map(|drawn| drawn.tracks)
     }
 
+    /// What draws them of this data, if it is known; of other data nothing stays, nor is it waited for.
+    fn layer_of(&mut self, dataset: u32) -> Option<Arc<Mutex<PathLayer>>> {
+        let known = self.layer.take().filter(|(known, _)| *known == dataset).map(|(_, layer)| layer);
+        if known.is_none() {
+            *self = Paths { revision: self.revision, failed: self.failed, ..Paths::default() };
+        }
+        known
+    }
+
     /// Whether what is laid over the picture is of this view and of now.
     fn is_there(&self, view: &View) -> bool {
         let is_current = |drawn: &Drawn| drawn.revision == self.revision && drawn.view == *view;
@@ -208,9 +217,8 @@ pub(super) fn follow_paths(
         return;
     };
     let budget = (preset.residency.budget_mib << 20) / MEMORY_SHARE;
-    let known =
-        paths.layer.as_ref().filter(|(dataset, _)| *dataset == scene.dataset).map(|(_, layer)| Arc::clone(layer));
-    let layer = match known
+    let layer = match paths
+        .layer_of(scene.dataset)
         .map_or_else(|| PathLayer::new(Arc::clone(now.following.run()), budget).map(Mutex::new).map(Arc::new), Ok)
     {
         Ok(layer) => layer,
@@ -318,4 +326,18 @@ fn encoded(colors: &Colors) -> Vec<Color32> {
         Color32::from_rgba_premultiplied(r, g, b, byte(a))
     };
     colors.rgba.par_iter().map(pixel).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_that_was_picked_in_other_data_is_forgotten() {
+        let (picked, members) = (Answer::Here(None), Answer::Failed("it was not read".into()));
+        let mut paths = Paths { picked, members, revision: 3, ..Paths::default() };
+        assert!(paths.layer_of(2).is_none());
+        assert!(matches!((&paths.picked, &paths.members), (Answer::Nothing, Answer::Nothing)));
+        assert_eq!(paths.revision, 3, "it counts on");
+    }
 }

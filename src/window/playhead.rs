@@ -113,14 +113,20 @@ impl Playhead {
         self.moving
     }
 
-    /// How particles move between the steps, as files say it.
+    /// How particles are shown between the steps, as files say it.
     pub fn interpolation(&self) -> Interpolation {
         let has_tracks = || self.data.run().is_some_and(|run| run.tracks().is_ok());
         match &self.tracks {
+            Some(_) if self.holds() => Interpolation::Hold,
             Some(tree) => tree.interpolation(),
             None if has_tracks() => Interpolation::Hold,
             None => Interpolation::default(),
         }
+    }
+
+    /// How particles move between the steps where that is shown; `None` without tracks.
+    pub fn moves(&self) -> Option<Interpolation> {
+        self.tracks.as_ref().map(|tree| tree.interpolation())
     }
 
     /// Whether what is between the steps can be shown.
@@ -429,26 +435,82 @@ pub fn families_of(before: &Metadata, shown: &[bool], next: &Metadata) -> Vec<bo
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::build::{BuildOptions, RunBuild};
+    use crate::build::{BuildOptions, RunBuild, TrackOptions};
     use crate::import::{LoadOptions, RunOptions, Times, open_run};
-    use crate::look::Member;
+    use crate::look::{Member, SceneFile};
     use crate::model::ReadMethod;
     use crate::store::StoreError;
+    use crate::window::adopt::adopt_opened;
+    use crate::window::objects::Objects;
+    use crate::window::open::{Opened, OpenedScene, open_members};
+    use crate::window::options::Opener;
+    use crate::window::scene_io::{Bookmarks, SceneFiles};
+    use crate::window::state::panels::{Closed, Shown};
+    use crate::window::state::plots::PlotChoice;
+    use crate::window::touring::player::tests::Window;
 
     /// A run of three steps, at 0, 1 and 4.
     pub fn run_file(folder: &std::path::Path) -> std::path::PathBuf {
+        run_with(folder, None)
+    }
+
+    /// The same with what moves between its steps.
+    pub fn tracked_run_file(folder: &std::path::Path) -> std::path::PathBuf {
+        run_with(folder, Some(&TrackOptions::default()))
+    }
+
+    fn run_with(folder: &std::path::Path, tracks: Option<&TrackOptions>) -> std::path::PathBuf {
+        let more: String = (9..17).filter(|_| tracks.is_some()).map(|id| format!("{id},1,{id},1\n")).collect();
         let tables = [0, 1, 2].map(|step| {
             let path = folder.join(format!("t{step}.csv"));
-            std::fs::write(&path, format!("x,y,z\n{step},0,0\n1,1,1\n")).unwrap();
+            std::fs::write(&path, format!("id,x,y,z\n7,{step},0,0\n8,1,1,1\n{more}")).unwrap();
             path
         });
         let options = RunOptions { times: Some(Times::List(vec![0.0, 1.0, 4.0])), ..RunOptions::default() };
         let run = open_run(&tables, &options, ReadMethod::default()).unwrap();
         let out = folder.join("run.df");
         let (load, options) = (LoadOptions::default(), BuildOptions::default());
-        let build = RunBuild { load: &load, options: &options, tracks: None, skip_damaged: false, still_of: None };
+        let build = RunBuild { load: &load, options: &options, tracks, skip_damaged: false, still_of: None };
         build.build(run, &out, &()).unwrap();
         out
+    }
+
+    #[test]
+    fn a_scene_that_holds_shows_steps_alone_until_somebody_wants_to_see_the_rest() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = tracked_run_file(folder.path());
+        let opener: Opener = Arc::new(|path, _, _| Ok(path.to_owned()));
+        let mut scene = SceneFile::new(Vec::new());
+        scene.look.interpolation = Some(Interpolation::Hold);
+        let scene = OpenedScene { path: "a.scene.ron".into(), scene, notes: Vec::new() };
+        let members = vec![Member::new(run)];
+        let opened = open_members(members, Some(scene), (None, None), ReadMethod::default(), &opener, &()).unwrap();
+        let mut window = Window::new();
+        window
+            .app
+            .init_resource::<SceneFiles>()
+            .init_resource::<PlotChoice>()
+            .init_resource::<Bookmarks>()
+            .init_resource::<Closed>()
+            .init_resource::<Shown>()
+            .init_resource::<Objects>()
+            .add_message::<Opened>()
+            .add_systems(First, adopt_opened);
+        window.app.world_mut().write_message(opened.clone());
+        window.frame(0.0);
+        let mut playhead = window.app.world_mut().resource_mut::<Playhead>();
+        assert!(playhead.has_tracks() && playhead.holds());
+        assert_eq!(playhead.interpolation(), Interpolation::Hold, "a scene keeps it");
+        playhead.hold(false);
+        assert_eq!((playhead.holds(), playhead.interpolation()), (false, Interpolation::Auto));
+        // More of it is seen as what was there.
+        let before = [window.app.world().resource::<Scene>().dataset, window.app.world().resource::<Scene>().subject];
+        window.app.world_mut().write_message(Opened { keeps: true, ..opened });
+        window.frame(0.0);
+        let world = window.app.world();
+        assert!(!world.resource::<Playhead>().holds());
+        let scene = world.resource::<Scene>();
+        assert_eq!([scene.dataset, scene.subject], [before[0] + 1, before[1]]);
     }
 
     pub fn playhead(folder: &std::path::Path) -> Playhead {

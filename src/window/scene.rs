@@ -58,6 +58,8 @@ pub struct Scene {
     pub time: Option<f64>,
     /// Counts up with every file that is opened.
     pub dataset: u32,
+    /// Counts up with every file that takes the place of another, and not with more of what is open.
+    pub subject: u32,
     /// Counts up with every page file that is shown, of a run with every step; what belongs to another generation is stale.
     pub generation: u32,
 }
@@ -113,6 +115,7 @@ impl Scene {
             opened: None,
             time: None,
             dataset: 1,
+            subject: 1,
             generation: 1,
         }
     }

@@ -168,6 +168,12 @@ pub(crate) fn scene_file(
     }
 }
 
+/// Says in a scene which moment of a run is shown, and how what is between its steps.
+pub(crate) fn say_moment(look: &mut LookPatch, scene: &Scene, playhead: Option<&Playhead>) {
+    look.time = scene.when();
+    look.interpolation = playhead.map(Playhead::interpolation).filter(|own| *own != Interpolation::default());
+}
+
 /// Where a scene of the data at `data` is saved at first.
 pub(crate) fn first_path(data: &Path) -> PathBuf {
     let stem = data.file_stem().map_or_else(|| "scene".to_owned(), |stem| stem.to_string_lossy().into_owned());
@@ -198,9 +204,7 @@ pub(crate) fn save_scene(
     let dataset = |(member, families): (&Member, _)| DatasetRef { families, ..DatasetRef::of_member(member, &path) };
     let datasets = scene.members.iter().zip(families_of(&scene, &settings)).map(dataset).collect();
     let mut file = scene_file(datasets, &settings, &camera, &picture, &parts, &path);
-    file.look.time = scene.when();
-    file.look.interpolation =
-        playhead.map(|playhead| playhead.interpolation()).filter(|own| *own != Interpolation::default());
+    say_moment(&mut file.look, &scene, playhead.as_deref());
     match file.write(&path) {
         Ok(()) => {
             notices.info(format!("scene saved in {}", path.display()));

@@ -16,7 +16,7 @@ use super::playhead::Playhead;
 use super::preset::Preset;
 use super::scene::Scene;
 use super::sheet;
-use super::state::panels::{Dock, Shown};
+use super::state::panels::Dock;
 use super::state::tool::{Stroke, Tool};
 use super::statistics::ActiveBackend;
 use super::theme;
@@ -55,7 +55,7 @@ pub(super) fn draw_window(
     mut pointer: ResMut<PicturePointer>,
     (mut layer, stroke): (ResMut<MarkLayer>, Res<Stroke>),
     (mut written, mut pictures): (ResMut<WrittenHeights>, ResMut<overlay::tour::TourPictures>),
-    (shown, preset, mut playhead): (Res<Shown>, Res<Preset>, Option<ResMut<Playhead>>),
+    (preset, mut playhead): (Res<Preset>, Option<ResMut<Playhead>>),
     (backend, letterbox): (Res<ActiveBackend>, Res<Letterbox>),
 ) -> Result {
     let ctx = contexts.ctx_mut()?.clone();
@@ -69,6 +69,7 @@ pub(super) fn draw_window(
     if !had_keyboard && ctx.input(|input| input.key_pressed(egui::Key::Tab)) {
         ctx.memory_mut(|memory| memory.move_focus(egui::FocusDirection::None));
     }
+    let shown = *panel.shown;
     let window = ctx.viewport_rect();
     let native = ctx.native_pixels_per_point().unwrap_or(1.0);
     let scale = match preset.panel.scale {
@@ -172,7 +173,7 @@ pub(super) fn draw_window(
         typed::show(&ctx, rect, &mut panel.files);
         theme::ring(&ctx);
     }
-    if shown.help {
+    if panel.shown.help {
         help::draw(&ctx, rect);
     }
     controls.0 = theme::take_controls(&ctx);

@@ -8,7 +8,7 @@ use bevy_egui::egui::{self, Color32, TextureHandle, TextureOptions};
 
 /// The heights, as pixels that lie over those of the picture of a view.
 #[derive(Resource, Default)]
-pub(in crate::window) struct WrittenHeights {
+pub struct WrittenHeights {
     drawn: Option<(View, Colors)>,
     sheet: Sheet,
     /// Whether the sheet shows what is drawn.
@@ -22,7 +22,7 @@ impl WrittenHeights {
     }
 
     /// Textures with their places as shares of the picture; none where there is nothing for this view.
-    pub(in crate::window) fn textures(&mut self, ctx: &egui::Context, view: &View) -> &[(TextureHandle, egui::Rect)] {
+    pub fn textures(&mut self, ctx: &egui::Context, view: &View) -> &[(TextureHandle, egui::Rect)] {
         let Some((_, colors)) = self.drawn.as_ref().filter(|(drawn, _)| drawn == view) else { return &[] };
         if !self.is_uploaded {
             let image = colors.image();

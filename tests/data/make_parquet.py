@@ -1,5 +1,5 @@
-"""Writes `table.parquet`, 60 rows of columns of many types in three groups, and `hats`, a catalogue of two partitions, with pyarrow, which has
-nothing in common with the reader of the tests. What is in them, `crates/data/tests/catalogues/parquet.rs` says again."""
+"""Writes `table.parquet`, 60 rows of columns of many types in three groups, `masked.parquet`, three rows with masks as astropy says them, and
+`hats`, a catalogue of two partitions, with pyarrow, which has nothing in common with the reader of the tests. What is in them, `crates/data/tests/catalogues/parquet.rs` says again."""
 
 import decimal
 import os
@@ -73,3 +73,27 @@ for path, first, count, version in [
 pq.write_metadata(part.schema, "hats/dataset/_common_metadata")
 with open("hats/properties", "w") as file:
     file.write(PROPERTIES)
+
+# As `astropy.table.Table.write` does it, by default.
+masked = pa.table(
+    {
+        "id": pa.array([4, (1 << 60) + 1, 6], pa.int64()),
+        "id.mask": [False, False, True],
+        **{axis: [1.0, 2.0, 3.0] for axis in "xyz"},
+        "level": pa.array([7, 99, 9], pa.int16()),
+        "level.mask": [False, True, False],
+        "own.mask": [True, False, True],
+    }
+)
+yaml = """meta: !!omap
+- __serialized_columns__:
+    id:
+      __class__: astropy.table.column.MaskedColumn
+      data: !astropy.table.SerializedColumn {name: id}
+      mask: !astropy.table.SerializedColumn {name: id.mask}
+    level:
+      __class__: astropy.table.column.MaskedColumn
+      data: !astropy.table.SerializedColumn {name: level}
+      mask: !astropy.table.SerializedColumn {name: level.mask}
+"""
+pq.write_table(masked.replace_schema_metadata({"table_meta_yaml": yaml}), "masked.parquet")

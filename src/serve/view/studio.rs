@@ -7,7 +7,7 @@ use crate::annotate::Units;
 use crate::color::{Image, output};
 use crate::command_line::jpeg::jpeg;
 use crate::look::Shot;
-use crate::picture::asked::{ChannelValues, Failure, State, channels, facts};
+use crate::picture::asked::{ChannelValues, Failure, State, channels, facts, units_and_ends};
 use crate::picture::{AnySession, Picture};
 use crate::tour::Show;
 use serde_json::{Map, Value, json};
@@ -73,13 +73,13 @@ impl Studio {
         };
         let drawn = drawn(&mut session, &shot);
         self.session = Some(session);
-        let (image, picture, units) = drawn?;
+        let (image, picture, units, ends) = drawn?;
         let mut facts = facts(&picture, &shot, units.as_ref());
         facts["size"] = json!([image.width, image.height]);
         // It would not fit into a header.
         facts["legend"] = Value::Null;
         let size = (image.width, image.height);
-        self.last = Some(Last { size, channels: channels(picture), units: facts["units"].clone() });
+        self.last = Some(Last { size, channels: channels(picture, ends), units: facts["units"].clone() });
         Ok((image, facts))
     }
 
@@ -122,11 +122,12 @@ impl Studio {
     }
 }
 
-fn drawn(session: &mut AnySession, shot: &Shot) -> Result<(Image, Picture, Option<Units>), Failure> {
+/// The picture of a shot, its colours, its units, and the ends of its attribute.
+type Drawn = (Image, Picture, Option<Units>, Option<[f64; 2]>);
+
+fn drawn(session: &mut AnySession, shot: &Shot) -> Result<Drawn, Failure> {
     let picture = session.draw(shot)?;
     let image = session.finished(shot, &picture)?;
-    let of =
-        |session: &mut crate::picture::Session| Units::of(session.tree().metadata(), &picture.annotation.depiction);
-    let units = session.particles().map(of);
-    Ok((image, picture, units))
+    let (units, ends) = units_and_ends(session, &picture);
+    Ok((image, picture, units, ends))
 }

@@ -34,6 +34,7 @@ use super::pick::NO_PLACES;
 use super::picture::Picture;
 use super::playhead::Playhead;
 use super::scene::{Scene, Settings};
+use super::state::answer::Answer;
 use super::state::notices::Notices;
 use super::state::tool::{Stroke, Tool};
 use super::statistics::ActiveBackend;
@@ -131,6 +132,7 @@ fn forget_other_data(
     mut inspector: ResMut<Inspector>,
     mut prober: ResMut<Prober>,
     mut heights: ResMut<OnHeights>,
+    mut keeping: ResMut<keeping::Keeping>,
 ) {
     let now = scene.map_or((0, 0), |scene| (scene.dataset, scene.generation));
     if *known != now {
@@ -138,6 +140,7 @@ fn forget_other_data(
         if known.0 != now.0 {
             *prober = Prober::default();
             *heights = OnHeights::default();
+            keeping.over_time = Answer::Nothing;
         }
         *known = now;
         measure.0.clear();
@@ -234,5 +237,42 @@ fn use_tool(
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::window::touring::player::tests::Window;
+
+    #[test]
+    fn what_was_found_out_about_other_data_is_forgotten() {
+        let mut window = Window::new();
+        window
+            .app
+            .init_resource::<Measure>()
+            .init_resource::<Inspector>()
+            .init_resource::<Prober>()
+            .init_resource::<OnHeights>()
+            .init_resource::<keeping::Keeping>()
+            .add_systems(Update, forget_other_data);
+        window.frame(0.0);
+        let is_known = |window: &Window| {
+            let world = window.app.world();
+            let over_time = &world.resource::<keeping::Keeping>().over_time;
+            [!matches!(over_time, Answer::Nothing), world.resource::<Prober>().members.is_some()]
+        };
+        let world = window.app.world_mut();
+        world.resource_mut::<keeping::Keeping>().over_time = Answer::Failed("this run is damaged".into());
+        world.resource_mut::<Prober>().members = Some(Members::Region(crate::explore::Region::whole()));
+        window.frame(0.0);
+        assert_eq!(is_known(&window), [true; 2]);
+        // Another step of the run.
+        window.app.world_mut().resource_mut::<Scene>().generation += 1;
+        window.frame(0.0);
+        assert_eq!(is_known(&window), [true; 2]);
+        window.app.world_mut().resource_mut::<Scene>().dataset += 1;
+        window.frame(0.0);
+        assert_eq!(is_known(&window), [false; 2]);
     }
 }

@@ -3,18 +3,15 @@
 use super::{Dock, PanelState, Section, theme};
 use crate::annotate::number;
 use crate::mode::levels::SPLATS;
-use crate::window::comparison::WAYS;
+use crate::window::comparison::{WAYS, applies};
 use bevy_egui::egui::Ui;
 
-/// The section; of files that have several hierarchies, in modes that draw each of them.
+/// The section, where something can be compared.
 pub static SECTION: Section = Section {
     name: "comparison",
     title: "Comparison",
     dock: Dock::Left,
-    applies: |state| {
-        let takes = state.look.as_ref().is_some_and(|look| look.depiction.takes_clusters());
-        takes && state.scene.as_ref().is_some_and(|scene| scene.metadata().has_clusters())
-    },
+    applies: |state| state.look.as_ref().zip(state.scene.as_ref()).is_some_and(|(look, scene)| applies(look, scene)),
     show,
 };
 

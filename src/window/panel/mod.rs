@@ -42,7 +42,7 @@ use super::preset::Preset;
 use super::scene::{Scene, Settings};
 use super::state::choices::Choices;
 use super::state::notices::Notices;
-use super::state::panels::{Closed, Dock};
+use super::state::panels::{Closed, Dock, Shown};
 use super::state::progress::SharedProgress;
 use super::statistics::{Converged, FrameClock, Statistics};
 use super::theme;
@@ -105,6 +105,8 @@ pub struct PanelState<'w, 's> {
     pub settings: ResMut<'w, Settings>,
     /// Which sections are closed.
     pub closed: ResMut<'w, Closed>,
+    /// Which panels are shown, and whether the help page is.
+    pub shown: ResMut<'w, Shown>,
     /// The tour.
     pub player: ResMut<'w, Player>,
     /// What looks closer.
@@ -160,7 +162,9 @@ impl PanelState<'_, '_> {
                 ui.spacing_mut().item_spacing.x = 4.0;
                 let mut button =
                     |text: &str, name: &str, enabled: bool, help: &str| theme::button(ui, name, text, enabled, help);
-                button("F1", "help", true, "Keys and gestures: press F1");
+                if button("F1", "help", true, "Keys and gestures (F1)") {
+                    self.shown.help = !self.shown.help;
+                }
                 if button("Save", "save", self.scene.is_some(), "Save the scene (Ctrl+S)") {
                     self.files.asked = Some(Ask::Save);
                 }

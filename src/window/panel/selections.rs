@@ -197,7 +197,8 @@ fn by_value(ui: &mut Ui, state: &mut PanelState<'_, '_>, sets: &mut Vec<Selectio
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         let infos = || metadata.families.iter().flat_map(|family| family.quantities.iter().chain(&family.attributes));
-        if range.field.is_empty()
+        // Other data may not have the field that was chosen.
+        if !infos().any(|info| info.name == range.field)
             && let Some(first) = infos().next()
         {
             range.field.clone_from(&first.name);

@@ -161,7 +161,7 @@ pub(crate) mod tests {
             let scene = scene_file(dataset(), &wanted, &viewpoint, &picture, &parts, path);
             shows(&SceneFile::parse("a scene", &scene.text(path).unwrap()).unwrap().look, "a scene");
             // What followers are told.
-            let told = Leading::text(dataset(), &wanted, None).unwrap();
+            let told = Leading::text(dataset(), wanted.look.patch(), None).unwrap();
             shows(&SceneFile::parse("the leader's scene", &told).unwrap().look, "a leader's scene");
             // A keyframe that is kept.
             let mut tour = TourFile::new(Vec::new());

@@ -149,12 +149,14 @@ impl Player {
         self.ask(Asked::Open(path));
     }
 
+    /// Opens a tour, which then plays. One that cannot be read is told, and what was open goes on as if nothing had been.
     fn open(&mut self, path: PathBuf, notices: &mut Notices) {
         match TourFile::read(&path) {
             Ok(mut tour) => {
                 tour.expose(&self.light);
                 let text = std::fs::read_to_string(&path).unwrap_or_default();
-                *self = Player { tour: Some(tour), path: Some(path), text, ..Player::default() };
+                let (path, asked) = (Some(path), vec![Asked::Toggle]);
+                *self = Player { tour: Some(tour), path, text, asked, ..Player::default() };
             }
             Err(error) => notices.error(error.to_string()),
         }
@@ -222,8 +224,20 @@ type Cameras<'w, 's> = Single<
 >;
 
 /// What the keys ask for.
-pub fn take_keys(keys: Res<ButtonInput<KeyCode>>, owner: Res<PointerOwner>, mut player: ResMut<Player>) {
-    if player.timeline.is_none() || !owner.keyboard_is_free() || is_control(&keys) {
+pub fn take_keys(
+    keys: Res<ButtonInput<KeyCode>>,
+    owner: Res<PointerOwner>,
+    scene: Option<Res<Scene>>,
+    mut player: ResMut<Player>,
+) {
+    if scene.is_none() || !owner.keyboard_is_free() || is_control(&keys) {
+        return;
+    }
+    // The first keyframe makes a tour.
+    if keys.just_pressed(KeyCode::KeyK) {
+        player.ask(Asked::Keep);
+    }
+    if player.timeline.is_none() {
         return;
     }
     for (key, asked) in [
@@ -232,7 +246,6 @@ pub fn take_keys(keys: Res<ButtonInput<KeyCode>>, owner: Res<PointerOwner>, mut 
         (KeyCode::PageDown, Asked::Next),
         (KeyCode::ArrowLeft, Asked::Back),
         (KeyCode::PageUp, Asked::Back),
-        (KeyCode::KeyK, Asked::Keep),
     ] {
         if keys.just_pressed(key) {
             player.ask(asked);
@@ -280,7 +293,6 @@ pub fn play_tour(
             && let Asked::Open(path) = player.asked.remove(at)
         {
             player.open(path, &mut notices);
-            player.asked.push(Asked::Toggle);
         }
         return;
     };
@@ -386,10 +398,7 @@ fn carry_out(
     match (asked, timeline) {
         (Asked::Open(path), _) => {
             player.open(path, notices);
-            if player.tour.is_some() {
-                player.dataset = scene.dataset;
-                player.asked.push(Asked::Toggle);
-            }
+            player.dataset = scene.dataset;
         }
         (Asked::Close, _) => *player = Player { dataset: player.dataset, ..Player::default() },
         (Asked::Save, _) => player.save(scene, notices),

@@ -403,6 +403,49 @@ fn columns_at_the_root_are_a_table() {
 }
 
 #[test]
+fn columns_mean_what_their_attributes_say() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drifters.nc");
+    let mut file = Hdf5::default();
+    for name in ["x", "y", "z"] {
+        file.dataset("", name, 1, Values::F64(vec![1.0, 2.0, 3.0]));
+        file.attribute(name, "units", Values::Text("kpc"));
+    }
+    file.dataset("", "warmth", 1, Values::I32(vec![10, -9, 30]));
+    file.attribute("warmth", "_FillValue", Values::I32(vec![-9]));
+    file.attribute("warmth", "scale_factor", Values::F64(vec![0.5]));
+    file.attribute("warmth", "add_offset", Values::F64(vec![100.0]));
+    file.attribute("warmth", "units", Values::Text("K"));
+    file.dataset("", "obs", 1, Values::F64(vec![0.0; 3]));
+    file.attribute("obs", "NAME", Values::Text("This is a netCDF dimension but not a netCDF variable.         3"));
+    file.write(&path);
+    let source = open(&path).unwrap();
+    let about = source.description();
+    assert_eq!((&*about.length_unit.0, about.families[0].named("obs")), ("kpc", None));
+    assert_eq!(unit(&*source, 0, "warmth"), "K");
+    let warmth = read_all(&*source, 0, "warmth", 2);
+    assert!(warmth[0] == 105.0 && warmth[1].is_nan() && warmth[2] == 115.0, "{warmth:?}");
+}
+
+#[test]
+fn an_empty_group_is_a_family_of_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("gas.hdf5");
+    let mut file = Hdf5::default();
+    file.dataset("PartType0", "Coordinates", 3, Values::F64(vec![1.0; 6]));
+    file.attribute("PartType4", "Note", Values::Text("no stars yet"));
+    file.write(&path);
+    let families = open(&path)
+        .unwrap()
+        .description()
+        .families
+        .iter()
+        .map(|family| (family.name, family.count))
+        .collect::<Vec<_>>();
+    assert_eq!(families, [(FamilyName::Gas, 2)]);
+}
+
+#[test]
 fn columns_of_several_numbers_are_of_the_table() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("columns.hdf5");

@@ -140,16 +140,18 @@ hostile! {
 
 /// One mass of the header's table that is finite in double precision and infinite in single precision, which particles have.
 #[test]
-fn a_mass_beyond_single_precision_is_none_for_a_load_and_a_summary() {
+fn a_mass_beyond_single_precision_is_told_by_a_load_and_by_a_summary() {
     let folder = tempfile::tempdir().unwrap();
     let mut bytes = gadget(1);
     mutate(&mut bytes, &[(0.006993925369804253, 71)]);
     survives(folder.path(), &bytes).unwrap();
     let path = folder.path().join("hostile");
-    let summary = summarize(&path).unwrap();
-    let dark = &summary.families[1];
-    assert_eq!((dark.count, dark.mass), (40, 40.0), "each counts 1");
-    assert!(summary.skipped.is_empty(), "{:?}", summary.skipped);
+    let by_load = load(&path, &LoadOptions::default(), &()).unwrap_err().to_string();
+    let by_summary = summarize(&path).unwrap_err().to_string();
+    for told in [&by_load, &by_summary] {
+        assert!(told.contains("hostile: mass of dark: found 3.4028"), "{told}");
+    }
+    assert_eq!(by_load, by_summary);
 }
 
 /// Windows refuses to cut a file that is mapped.

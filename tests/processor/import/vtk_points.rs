@@ -81,7 +81,8 @@ fn legacy(points: &[Point], is_text: bool) -> Vec<u8> {
     put("CELL_DATA 1\nSCALARS of_cells short 2\nLOOKUP_TABLE default\n".into(), &cell(vec![0, 1, 0, 0]));
     put(format!("POINT_DATA {count}\nVECTORS Velocity float\n"), &arrays[1]);
     put("METADATA\nINFORMATION 0\n\nSCALARS mass float\nLOOKUP_TABLE default\n".into(), &arrays[2]);
-    put(format!("FIELD FieldData 1\nid 1 {count} unsigned_int\n"), &arrays[3]);
+    let whole = if is_text { "unsigned_int" } else { "vtktypeuint32" };
+    put(format!("FIELD FieldData 1\nid 1 {count} {whole}\n"), &arrays[3]);
     bytes
 }
 

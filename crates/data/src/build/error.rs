@@ -29,6 +29,14 @@ pub enum BuildError {
         /// What it should be.
         expected: &'static str,
     },
+    /// The source has changed while it was read.
+    #[error(
+        "{family}: found other values when it was read again, expected a source that does not change while it is read"
+    )]
+    Changed {
+        /// The family.
+        family: FamilyName,
+    },
     /// The source has no such family or attribute, or no particle.
     #[error("{path}: {what}")]
     Selection {

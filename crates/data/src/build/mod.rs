@@ -245,7 +245,7 @@ impl<'a> Build<'a> {
         }
         let particles = Spill::new(out, &memory.folder, memory.particles, options.read);
         let (mut partition, mut histograms) =
-            Partition::of(stream, &outline.survey.ranges, &outline.plan, root, (particles, memory.waiting), progress)?;
+            Partition::of(stream, &outline.survey, &outline.plan, root, (particles, memory.waiting), progress)?;
         if let Some(estimating) = outline.estimating() {
             self.notes.extend(outline.note());
             let (found, counts) = estimating.estimate(&mut partition, memory.neighbour_block(), progress)?;

@@ -4,6 +4,7 @@ mod distribute;
 
 use super::BuildError;
 use super::spill::{Blob, Spill};
+use super::survey::Survey;
 use crate::hierarchy::attribute_info::{HistogramBins, Range, missing_replaced};
 use crate::hierarchy::octree::{Columns, Place, Plan};
 use crate::hierarchy::{Histogram, RootCell};
@@ -80,24 +81,27 @@ impl Partition {
     /// Reads the whole family. Particles that wait for company in their buckets may take `waiting` bytes of memory beside `spill`.
     ///
     /// # Errors
-    /// When it cannot be read, or its particles not be put away.
+    /// When it cannot be read, or is not what was surveyed any more, or its particles cannot be put away.
     pub fn of(
         stream: &dyn ParticleStream,
-        ranges: &[Range],
+        survey: &Survey,
         plan: &Plan,
         root: RootCell,
         (spill, waiting): (Spill, u64),
         progress: &dyn Progress,
     ) -> Result<(Partition, Vec<Histogram>), BuildError> {
-        let (chunks, room) = (0..stream.chunks(), (spill, waiting));
-        let (partition, counts) = Partition::of_chunks(stream, chunks, ranges, plan, root, room, progress)?;
-        Ok((partition, histograms(ranges, counts)))
+        let (chunks, room, ranges) = (0..stream.chunks(), (spill, waiting), &survey.ranges);
+        let (partition, counts, checksum) = Partition::of_chunks(stream, chunks, ranges, plan, root, room, progress)?;
+        match checksum == survey.checksum {
+            true => Ok((partition, histograms(ranges, counts))),
+            false => Err(BuildError::Changed { family: stream.family() }),
+        }
     }
 
-    /// Reads some chunks of a family; gives the counts of [`histograms`], too.
+    /// Reads some chunks of a family; gives the counts of [`histograms`], too, and the sum of the chunks' checksums.
     ///
     /// # Errors
-    /// As [`Partition::of`].
+    /// When they cannot be read, or their particles not be put away.
     pub fn of_chunks(
         stream: &dyn ParticleStream,
         chunks: std::ops::Range<usize>,
@@ -106,16 +110,17 @@ impl Partition {
         root: RootCell,
         (spill, waiting): (Spill, u64),
         progress: &dyn Progress,
-    ) -> Result<(Partition, Vec<Vec<u64>>), BuildError> {
+    ) -> Result<(Partition, Vec<Vec<u64>>, u64), BuildError> {
         let (own, columns) = (stream.attributes().len(), stream.columns());
         let share = chunks.len() as f64 / stream.chunks().max(1) as f64;
         progress.begin(&format!("sorting {}", stream.family()), (stream.particles() as f64 * share) as u64);
         let to = Buckets::new(plan, root, &spill, columns, waiting);
         let bins: Vec<HistogramBins> = ranges.iter().map(HistogramBins::of).collect();
-        let counts = chunks
+        let (counts, checksum) = chunks
             .into_par_iter()
             .map_init(Default::default, |(chunk, scratch): &mut (Chunk, Scratch), number| {
                 stream.read(number, chunk)?;
+                let checksum = chunk.checksum(number);
                 for (values, range) in chunk.attributes.iter_mut().zip(&ranges[3..]).take(own) {
                     missing_replaced(values, range.mean() as f32);
                 }
@@ -125,15 +130,15 @@ impl Partition {
                     columns.iter().zip(&bins).map(|(column, bins)| bins.count(column)).collect();
                 to.distribute(&chunk.positions, &columns, scratch)?;
                 progress.advance(chunk.positions.len() as u64);
-                Ok(counts)
+                Ok((counts, checksum))
             })
-            .try_reduce_with(|mut all, more| {
+            .try_reduce_with(|(mut all, checksum): (Vec<Vec<u64>>, u64), (more, other)| {
                 all.iter_mut().flatten().zip(more.iter().flatten()).for_each(|(all, more)| *all += more);
-                Ok::<_, BuildError>(all)
+                Ok::<_, BuildError>((all, checksum.wrapping_add(other)))
             })
-            .unwrap_or_else(|| Ok(bins.iter().map(|bins| bins.count(&[])).collect()))?;
+            .unwrap_or_else(|| Ok((bins.iter().map(|bins| bins.count(&[])).collect(), 0)))?;
         let buckets = to.filled();
-        Ok((Partition { spill, columns, own, means: Vec::new(), first: 0, buckets }, counts))
+        Ok((Partition { spill, columns, own, means: Vec::new(), first: 0, buckets }, counts, checksum))
     }
 
     /// Puts the particles of each bucket away in the file of the task at hand, as one run, bucket after bucket; and behind them what tells of

@@ -278,7 +278,7 @@ impl Sender<'_> {
         let memory = Memory::plan(&halved, out, survey.count, columns, most, plan.len())?;
         let spill = Spill::new(out, &memory.folder, memory.particles, options.read);
         let room = (spill, memory.waiting);
-        let (mut partition, _) = Partition::of(&carrier, &survey.ranges, &plan, root, room, progress)?;
+        let (mut partition, _) = Partition::of(&carrier, &survey, &plan, root, room, progress)?;
         let Survey { bounds, count, .. } = survey;
         let edge = stream.periodic_edge(bounds);
         let surroundings = Surroundings { plan: &plan, root, edge, bounds, count, others: None };

@@ -45,13 +45,15 @@ pub(super) struct Survey {
     pub bounds: Bounds,
     /// Of mass, density, smoothing length and each attribute.
     pub ranges: Vec<Range>,
+    /// Sum of the chunks' checksums: whoever reads them again finds the same, unless the source has changed.
+    pub checksum: u64,
     /// Source particles for each sampled position.
     pub weight: f64,
     positions: Vec<[f64; 3]>,
     columns: Columns,
 }
 
-portable!(Survey { count, bounds, ranges, weight, positions, columns });
+portable!(Survey { count, bounds, ranges, checksum, weight, positions, columns });
 
 impl Survey {
     /// Reads the whole family. The result does not depend on the number of threads.
@@ -92,7 +94,7 @@ impl Survey {
                     stream.read(number, chunk)?;
                     check(stream, chunk)?;
                     progress.advance(chunk.positions.len() as u64);
-                    Ok(Survey::of_chunk(chunk, number as u64, strides))
+                    Ok(Survey::of_chunk(chunk, number, strides))
                 })
                 .collect::<Result<_, BuildError>>()?;
             first = own.end;
@@ -111,7 +113,7 @@ impl Survey {
         let (position, column) = (size_of::<[f64; 3]>() as u64, size_of::<f32>() as u64 * (3 + columns as u64));
         let sampled = |stride: u64| particles / stride + chunks;
         // Where tasks end within blocks each chunk has numbers of its own.
-        let numbers = 128 + (3 + columns as u64) * size_of::<Range>() as u64;
+        let numbers = 136 + (3 + columns as u64) * size_of::<Range>() as u64;
         let parts = [(position, sampled(positions)), (2 * column, sampled(stride)), (numbers, chunks)];
         parts.into_iter().fold(0, |bytes: u64, (each, count)| bytes.saturating_add(each.saturating_mul(count)))
     }
@@ -140,6 +142,7 @@ impl Survey {
             count: 0,
             bounds: Bounds::EMPTY,
             ranges: vec![Range::EMPTY; 3 + attributes],
+            checksum: 0,
             weight: Strides::of(stream.particles(), options).positions as f64,
             positions: Vec::new(),
             columns: Columns::with_capacity(attributes, 0),
@@ -147,13 +150,13 @@ impl Survey {
         parts.into_iter().fold(nothing, Survey::with)
     }
 
-    fn of_chunk(chunk: &Chunk, number: u64, strides: Strides) -> Survey {
+    fn of_chunk(chunk: &Chunk, number: usize, strides: Strides) -> Survey {
         let len = chunk.positions.len() as u64;
         // One particle of each `stride`, not always the same one: sources are often ordered like a lattice.
         let picked = |stride: u64| {
             (0..len.div_ceil(stride))
                 .map(move |window| {
-                    window * stride + (number << 32 | window).wrapping_mul(0x9e37_79b9_7f4a_7c15) % stride
+                    window * stride + ((number as u64) << 32 | window).wrapping_mul(0x9e37_79b9_7f4a_7c15) % stride
                 })
                 .filter(move |&i| i < len)
                 .map(|i| i as usize)
@@ -164,6 +167,7 @@ impl Survey {
             count: len,
             bounds: Bounds::of(chunk.positions.iter().copied()),
             ranges: quantities.into_iter().chain(&chunk.attributes).map(|column| Range::of(column)).collect(),
+            checksum: chunk.checksum(number),
             weight: 1.0,
             positions: picked(strides.positions).map(|i| chunk.positions[i]).collect(),
             columns: Columns {
@@ -178,6 +182,7 @@ impl Survey {
     fn with(mut self, next: Survey) -> Survey {
         self.count += next.count;
         self.bounds = self.bounds.union(next.bounds);
+        self.checksum = self.checksum.wrapping_add(next.checksum);
         self.ranges.iter_mut().zip(next.ranges).for_each(|(own, next)| *own = own.with(next));
         self.positions.extend(next.positions);
         self.columns.iter_mut().zip(next.columns.iter()).for_each(|(own, next)| own.extend(next));
@@ -306,8 +311,11 @@ pub(super) fn column_error(family: FamilyName, field: &str, expected: &'static s
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::build::partition::Partition;
+    use crate::build::spill::Spill;
+    use crate::hierarchy::octree::Plan;
     use crate::model::portable::Portable;
-    use crate::model::{StreamError, Unit};
+    use crate::model::{ReadMethod, StreamError, Unit};
     use proptest::prelude::*;
 
     /// Chunks of one particle, with these masses.
@@ -385,6 +393,25 @@ mod tests {
             prop_assert!(positions <= MOST_POSITIONS && columns <= SAMPLE);
             // Up to 2^33 particles both are the same ones.
             prop_assert!(octaves > 33.0 || positions == columns);
+        }
+    }
+
+    /// As where a file is written again while it is read.
+    #[test]
+    fn particles_that_have_changed_since_they_were_surveyed_are_told() {
+        let options = OctreeOptions::default();
+        let mut survey = Survey::of(&Masses(vec![1.0, 2.0, 3.0]), &options, &()).unwrap();
+        let root = survey.root(&options);
+        let plan = Plan::new(&survey.take_keys(root), survey.weight, 10);
+        let folder = tempfile::tempdir().unwrap();
+        let partition = |masses: [f32; 3]| {
+            let spill = Spill::new(&folder.path().join("out"), folder.path(), 1 << 20, ReadMethod::default());
+            Partition::of(&Masses(masses.into()), &survey, &plan, root, (spill, 1 << 20), &()).map(drop)
+        };
+        assert!(partition([1.0, 2.0, 3.0]).is_ok());
+        // One has another mass, and two have each other's.
+        for changed in [[1.0, 2.0, 4.0], [2.0, 1.0, 3.0]] {
+            assert!(matches!(partition(changed), Err(BuildError::Changed { family: FamilyName::Gas })), "{changed:?}");
         }
     }
 }

@@ -63,7 +63,7 @@ const CODE: &[&str] =
 
 /// Spellings of angles, with their degrees.
 const ANGLES: &[(&[&str], f64)] = &[
-    (&["deg", "degs", "degree", "degrees", "°", "deg."], 1.0),
+    (&["deg", "degs", "degree", "degrees", "degrees_east", "degrees_north", "°", "deg."], 1.0),
     (&["h", "hr", "hrs", "hour", "hours", "hourangle"], 15.0),
     (&["rad", "radian", "radians"], 180.0 / std::f64::consts::PI),
     (&["arcmin", "arcmins", "arcminute", "arcminutes", "'"], 1.0 / 60.0),

@@ -20,6 +20,17 @@ pub struct Chunk {
     pub attributes: Vec<Vec<f32>>,
 }
 
+impl Chunk {
+    /// What tells all values of the chunk of this number from others. Sums of chunks tell a family, in whatever order they are read.
+    pub fn checksum(&self, number: usize) -> u64 {
+        let quantities = [&self.mass, &self.density, &self.smoothing_length];
+        let columns = quantities.into_iter().chain(&self.attributes);
+        let positions = bytemuck::cast_slice(&self.positions);
+        let crc = crc32c::crc32c_append(crc32c::crc32c(&(number as u64).to_le_bytes()), positions);
+        columns.fold(crc, |crc, column| crc32c::crc32c_append(crc, bytemuck::cast_slice(column))).into()
+    }
+}
+
 /// A family that is read more often than once, by several threads, in chunks that are the same each time.
 pub trait ParticleStream: Sync {
     /// Which family.

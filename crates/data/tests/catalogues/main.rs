@@ -9,6 +9,7 @@ mod formats;
 mod ids;
 mod parquet;
 mod parts;
+mod separated;
 
 use deepfield_data::import::{FieldKind, Source, open};
 use flate2::{Compression, write::GzEncoder};

@@ -36,6 +36,30 @@ fn holds_parquet(source: &dyn Source, times: u64) {
 }
 
 #[test]
+fn what_masks_of_astropy_hide_is_missing() {
+    let ecsv = "# %ECSV 1.0\n# datatype:\n# - {name: id, datatype: int64}\n# - {name: id.mask, datatype: bool}\n\
+        # - {name: x, datatype: float64}\n# - {name: y, datatype: float64}\n# - {name: z, datatype: float64}\n\
+        # - {name: level, datatype: int16}\n# - {name: level.mask, datatype: bool}\n# - {name: own.mask, datatype: bool}\n\
+        # meta: !!omap\n# - __serialized_columns__:\n#     level:\n#       mask: !astropy.table.SerializedColumn {name: level.mask}\n\
+        id id.mask x y z level level.mask own.mask\n4 False 1 1 1 7 False True\n1152921504606846977 False 2 2 2 99 True False\n\
+        6 True 3 3 3 9 False True\n";
+    let folder = tempfile::tempdir().unwrap();
+    for path in [data("masked.parquet"), file(folder.path(), "masked.ecsv", ecsv.as_bytes())] {
+        let source = open(&path).unwrap();
+        let none = f64::NAN;
+        assert_same(&values(&*source, "level"), [7.0, none, 9.0].into_iter(), "level");
+        assert_same(&values(&*source, "own.mask"), [1.0, 0.0, 1.0].into_iter(), "own.mask");
+        // One that has none is no id.
+        assert_same(&values(&*source, "id"), [4.0, (1_u64 << 60) as f64, none].into_iter(), "id");
+        let about = source.description();
+        assert_eq!(about.families[0].fields.len(), 4, "{}", path.display());
+        let told = "id is no id, as it is not a whole number in every row";
+        assert!(about.notes.iter().any(|note| note == told), "{:?}", about.notes);
+    }
+    assert!(refused(&file(folder.path(), "cut.parquet", &bytes_of("masked.parquet")[..200])).contains("PAR1"));
+}
+
+#[test]
 fn columns_of_parquet_are_read_exactly_whatever_they_are_coded_by() {
     let source = open(&data("table.parquet")).unwrap();
     holds_parquet(&*source, 1);

@@ -27,7 +27,8 @@ fn parts_of_a_table_are_one_source() {
     let about = parts.description();
     assert_eq!((about.files, &*about.format, about.families[0].count), (3, "csv", 150));
     assert!(about.notes.contains(&"one table in 3 files".into()), "{:?}", about.notes);
-    // A column that is text in one of them is none.
+    // A column that is text in one of them is none, and told.
+    assert!(about.notes.contains(&"columns without numbers are left out: name".into()), "{:?}", about.notes);
     assert_eq!(about.families, whole.description().families);
     for name in ["position", "ra", "dec", "parallax"] {
         assert_same(&values(&*parts, name), values(&*whole, name).into_iter(), name);

@@ -46,24 +46,40 @@ pub fn page_file(
         true => cached_name_of_heights(path, said)?,
         false => cached_name_of_particles(path, &said.derive)?,
     });
-    let is_there = match of_heights {
+    let is_there = || match of_heights {
         true => HeightFile::open(&cached, ReadMethod::default()).is_ok(),
         false => PageFile::open(&cached).is_ok(),
     };
-    if is_there {
+    if is_there() {
         mark_as_used(&cached);
         return Ok((cached, None));
     }
     let stated = stated_budget()?;
+    let built = cached.with_extension("new.df");
     if of_heights {
         let (heights, _) = OpenHeights::for_pictures(path, &said.options(ReadMethod::default()))?;
-        heights.build(&HeightBuildOptions::default(), &cached, progress)?;
+        heights.build(&HeightBuildOptions::default(), &built, progress)?;
     } else {
         let load_options = LoadOptions { derive: said.derive.clone(), ..LoadOptions::default() };
-        build_source(path, &load_options, &build_options(), &cached, progress)?;
+        build_source(path, &load_options, &build_options(), &built, progress)?;
     }
+    put_in_place(&built, &cached, is_there)?;
     let removed = prune(&folder, stated.unwrap_or_else(|| default_budget(&folder)), &cached)?;
     Ok((cached, removed))
+}
+
+/// Gives a file that was built the name under which it is looked for. Where another program has built the same meanwhile, its file stays: it may be
+/// read already, and elsewhere in a network nobody goes on reading what is replaced.
+fn put_in_place(built: &Path, cached: &Path, is_there: impl Fn() -> bool) -> Result<(), std::io::Error> {
+    if is_there() {
+        // The other program may have taken this one.
+        let _ = std::fs::remove_file(built);
+        return Ok(());
+    }
+    match std::fs::rename(built, cached) {
+        Err(error) if !is_there() => Err(std::io::Error::new(error.kind(), format!("{}: {error}", cached.display()))),
+        _ => Ok(()),
+    }
 }
 
 /// A file that is built has the attributes that are to be derived: they cannot be derived from it.
@@ -359,6 +375,51 @@ mod tests {
         assert_eq!(prune(folder, 1, &made).unwrap().unwrap().files, 1);
         assert_eq!(names(folder), ["growing.df.tmp2", "made.df", "notes.txt"]);
         assert!(prune(&folder.join("absent"), 1, &made).unwrap_err().to_string().contains("absent"));
+    }
+
+    /// Another program, which has built a file once this one has begun to.
+    struct Other {
+        from: PathBuf,
+        to: PathBuf,
+        changed: SystemTime,
+    }
+
+    impl Progress for Other {
+        fn begin(&self, _: &str, _: u64) {
+            if !self.to.exists() {
+                std::fs::copy(&self.from, &self.to).unwrap();
+                std::fs::File::options().append(true).open(&self.to).unwrap().set_modified(self.changed).unwrap();
+            }
+        }
+
+        fn advance(&self, _: u64) {}
+    }
+
+    #[test]
+    fn what_another_program_has_built_meanwhile_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let source = folder.path().join("points.csv");
+        let rows: Vec<String> = (0..50).map(|i| format!("{i},{},{}", i * i % 7, i % 5)).collect();
+        std::fs::write(&source, format!("x,y,z\n{}\n", rows.join("\n"))).unwrap();
+        let [own, shared] = ["own", "shared"].map(|name| folder.path().join(name));
+        for cache in [&own, &shared] {
+            std::fs::create_dir(cache).unwrap();
+        }
+        let built = |cache: &Path, progress: &dyn Progress| {
+            page_file(&source, &HeightsSaid::default(), || Ok(cache.to_owned()), progress).unwrap().0
+        };
+        let from = built(&own, &());
+        let to = shared.join(from.file_name().unwrap());
+        let changed = UNIX_EPOCH + Duration::from_secs(1_000_000_000);
+        let other = Other { from, to, changed };
+        assert_eq!(built(&shared, &other), other.to);
+        assert_eq!(std::fs::metadata(&other.to).unwrap().modified().unwrap(), changed);
+        assert_eq!(names(&shared), names(&own));
+        // What is damaged is replaced.
+        std::fs::write(&other.to, "damaged").unwrap();
+        built(&shared, &());
+        assert_eq!(std::fs::read(&other.to).unwrap(), std::fs::read(&other.from).unwrap());
+        assert_eq!(names(&shared), names(&own));
     }
 
     #[test]

@@ -24,7 +24,8 @@ pub fn find(datasets: &[DatasetRef], named: &[PathBuf]) -> Result<Found, String>
     for (i, dataset) in datasets.iter().enumerate() {
         let path = one(dataset, named.get(i), named, &mut found.notes)?;
         let (offset, scale) = (DVec3::from(dataset.offset), dataset.scale);
-        found.members.push(Member { offset, scale, said: dataset.said.clone(), ..Member::new(path) });
+        let (said, own_look) = (dataset.said.clone(), dataset.own_look.clone());
+        found.members.push(Member { path, offset, scale, families: None, said, own_look });
     }
     Ok(found)
 }
@@ -72,6 +73,8 @@ fn name(path: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::look::OwnLook;
+    use crate::modes;
 
     #[test]
     fn the_file_with_the_fingerprint_is_taken_wherever_it_is() {
@@ -89,12 +92,14 @@ mod tests {
             families: None,
             offset: [1.0, 2.0, 3.0],
             scale: Some(2.0),
+            own_look: Some(OwnLook { mode: modes::find("isosurface"), ..OwnLook::default() }),
             ..DatasetRef::default()
         };
         let of = |named: &[PathBuf]| find(std::slice::from_ref(&dataset), named);
         let found = of(&[]).unwrap();
         assert!(found.members[0].path == leaders && found.notes.is_empty());
         assert_eq!((found.members[0].offset, found.members[0].scale), (DVec3::new(1.0, 2.0, 3.0), Some(2.0)));
+        assert_eq!(found.members[0].own_look, dataset.own_look);
         // A copy of another name.
         std::fs::write(at("mine/copy.df"), b"the data").unwrap();
         assert_eq!(of(&[at("mine/copy.df")]).unwrap().members[0].path, at("mine/copy.df"));

@@ -2,8 +2,9 @@
 
 use super::data::{self, Found};
 use crate::color::transfer::Levels;
+use crate::hierarchy::spacetime::Interpolation;
 use crate::look::dataset::located;
-use crate::look::{DatasetRef, LookPatch, Member, SceneFile, shown_families};
+use crate::look::{DatasetRef, LookPatch, Member, OwnLook, SceneFile, shown_families};
 use crate::show::protocol::{Follower, FollowerEvent, Report, Severity as Told};
 use crate::window::camera::{Flight, Navigation, Viewpoint};
 use crate::window::input::is_control;
@@ -21,6 +22,7 @@ use crate::window::state::choices::Choices;
 use crate::window::state::notices::{Notices, Severity};
 use crate::window::statistics::{Converged, FrameClock, Statistics};
 use crate::window::touring::Player;
+use bevy::math::DVec3;
 use bevy::prelude::*;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -44,6 +46,8 @@ pub struct Following {
     finding: Answer<Found>,
     /// The data to show it with.
     members: Option<Vec<Member>>,
+    /// How what moves in it was asked to move when it was opened.
+    interpolation: Option<Interpolation>,
     is_led: bool,
     /// The number of the frame that is shown.
     shown: u64,
@@ -63,6 +67,7 @@ impl Following {
             labels: None,
             finding: Answer::Nothing,
             members: None,
+            interpolation: None,
             is_led: false,
             shown: 0,
             told: 0,
@@ -81,8 +86,10 @@ impl Following {
 
     /// Whether the open data is what the leader shows.
     fn fits(&self, scene: &Scene) -> bool {
-        let place = |member: &Member| (member.path.clone(), member.offset, member.scale);
-        let same = |wanted: &Vec<Member>| wanted.iter().map(place).eq(scene.members.iter().map(place));
+        fn data(member: &Member) -> (&Path, DVec3, Option<f64>, Option<&OwnLook>) {
+            (member.path.as_path(), member.offset, member.scale, member.own_look.as_ref())
+        }
+        let same = |wanted: &Vec<Member>| wanted.iter().map(data).eq(scene.members.iter().map(data));
         self.members.as_ref().is_some_and(same)
     }
 
@@ -92,7 +99,10 @@ impl Following {
             scene.datasets.iter().map(|dataset| DatasetRef { families: None, ..dataset.clone() }).collect()
         };
         let wanted = data(&scene);
-        let is_same = self.scene.as_deref().map(data).as_ref() == Some(&wanted);
+        let is_same = self
+            .scene
+            .as_deref()
+            .is_some_and(|before| data(before) == wanted && before.look.interpolation == scene.look.interpolation);
         if !is_same || matches!(self.finding, Answer::Failed(_)) {
             let own = self.own.clone();
             self.finding = Answer::ask("data of the show", move |_| data::find(&wanted, &own));
@@ -145,8 +155,10 @@ pub(crate) fn find_data(
         Answer::Here(found) => {
             found.notes.iter().for_each(|note| notices.error(note));
             following.members = Some(found.members.clone());
-            if !scene.is_some_and(|scene| following.fits(&scene)) {
-                openings.start(OpenRequest { members: found.members.clone(), ..OpenRequest::default() });
+            let interpolation = following.scene.as_ref().and_then(|scene| scene.look.interpolation);
+            if following.interpolation != interpolation || !scene.is_some_and(|scene| following.fits(&scene)) {
+                following.interpolation = interpolation;
+                openings.start(OpenRequest { members: found.members.clone(), interpolation, ..OpenRequest::default() });
             }
         }
         Answer::Failed(why) => {

@@ -1,6 +1,7 @@
 //! The leader's side of a show: what is sent of each frame, and what is heard of the followers.
 
-use crate::look::{DatasetRef, SceneError, SceneFile};
+use crate::hierarchy::spacetime::Interpolation;
+use crate::look::{DatasetRef, LookPatch, SceneError, SceneFile};
 use crate::show::protocol::{Frame, Leader, LeaderEvent, Ranges, RunTime, Severity, TourTime};
 use crate::tour::TourFile;
 use crate::window::camera::Viewpoint;
@@ -50,7 +51,14 @@ impl Leading {
     }
 
     /// Gives the followers all that is shown, where it has changed.
-    fn send_scene(&mut self, scene: &Scene, settings: &Settings, labels: Option<&Path>, notices: &mut Notices) {
+    fn send_scene(
+        &mut self,
+        scene: &Scene,
+        playhead: Option<&Playhead>,
+        settings: &Settings,
+        labels: Option<&Path>,
+        notices: &mut Notices,
+    ) {
         if let Some(sent) = &self.sent {
             // The lens goes with the camera, and each window has a projection of its own.
             let Settings { lens, surround, stereo, .. } = sent.settings;
@@ -60,7 +68,10 @@ impl Leading {
             }
         }
         let datasets = self.data.of(scene, settings);
-        match Leading::text(datasets, settings, labels).map(|text| self.leader.set_scene(text)) {
+        // The moment goes with every frame, and whether anything moves then.
+        let moves = playhead.and_then(Playhead::moves).filter(|own| *own != Interpolation::default());
+        let look = LookPatch { interpolation: moves, ..settings.look.patch() };
+        match Leading::text(datasets, look, labels).map(|text| self.leader.set_scene(text)) {
             Ok(true) => {}
             Ok(false) => notices.error("the settings are too long to be sent: followers keep those before"),
             Err(error) => notices.error(error.to_string()),
@@ -69,13 +80,13 @@ impl Leading {
         self.sent = Some(Sent { settings: settings.clone(), generation: scene.generation, labels });
     }
 
-    /// What followers of a window that shows these datasets are told.
+    /// What followers of a window that shows these datasets with this look are told.
     ///
     /// # Errors
     /// [`SceneError`] if RON cannot say it.
-    pub fn text(datasets: Vec<DatasetRef>, settings: &Settings, labels: Option<&Path>) -> Result<String, SceneError> {
+    pub fn text(datasets: Vec<DatasetRef>, look: LookPatch, labels: Option<&Path>) -> Result<String, SceneError> {
         let labels = labels.map(|path| path.canonicalize().unwrap_or_else(|_| path.to_owned()));
-        let file = SceneFile { look: settings.look.patch(), labels, ..SceneFile::new(datasets) };
+        let file = SceneFile { look, labels, ..SceneFile::new(datasets) };
         file.text(Path::new("the show"))
     }
 
@@ -146,7 +157,8 @@ pub(crate) fn send_frame(
     let size = picture.size();
     leading.send_tour(&player, f64::from(size.x) / f64::from(size.y), notices.bypass_change_detection());
     if let Some(scene) = scene {
-        leading.send_scene(&scene, &settings, objects.path(), notices.bypass_change_detection());
+        let notices = notices.bypass_change_detection();
+        leading.send_scene(&scene, playhead.as_deref(), &settings, objects.path(), notices);
     }
     let is_range = |[low, high]: [f64; 2]| low.is_finite() && high.is_finite() && low <= high;
     let ranges = look.map(|look| Ranges { p: look.levels.p, s: look.levels.s });

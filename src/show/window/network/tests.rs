@@ -2,7 +2,9 @@
 
 use super::*;
 use crate::build::{BuildOptions, build_source};
+use crate::hierarchy::spacetime::Interpolation;
 use crate::import::LoadOptions;
+use crate::look::{DatasetRef, LookPatch, SceneFile};
 use crate::modes;
 use crate::show::protocol::ShowKey;
 use crate::window::adopt::adopt_opened;
@@ -265,5 +267,30 @@ fn followers_show_the_moment_of_the_leader() {
             std::thread::sleep(Duration::from_millis(1));
             assert!(start.elapsed() < PATIENCE, "{:?}", notices(follower));
         }
+    }
+}
+
+#[test]
+fn what_moves_in_a_run_moves_as_the_leader_has_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (run, key) = (crate::window::playhead::tests::tracked_run_file(folder.path()), ShowKey::random());
+    let scene = folder.path().join("run.scene.ron");
+    let look = LookPatch { interpolation: Some(Interpolation::Linear), ..LookPatch::default() };
+    let file = SceneFile { look, ..SceneFile::new(vec![DatasetRef::of(&run, &scene)]) };
+    file.write(&scene).unwrap();
+    let (mut leader, address) = leader(&scene, &key);
+    let moves = |app: &App| app.world().get_resource::<Playhead>().and_then(Playhead::moves);
+    assert_eq!(moves(&leader), Some(Interpolation::Linear));
+    let mut followers = [Some(follower(address, &key, "left", Vec::new()))];
+    let start = Instant::now();
+    for i in 0.. {
+        step(&mut leader, &mut followers, i);
+        let follower = followers[0].as_ref().unwrap();
+        if follower.world().contains_resource::<Playhead>() {
+            assert_eq!(moves(follower), Some(Interpolation::Linear));
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+        assert!(start.elapsed() < PATIENCE, "{:?}", notices(follower));
     }
 }

@@ -4,9 +4,11 @@ use super::{Bent, OutputWindow, lettering};
 use crate::show::rig::Mask;
 use crate::window::looking::marks::MarkLayer;
 use crate::window::pages::ViewSelection;
+use crate::window::paths::Paths;
 use crate::window::picture::Picture;
 use crate::window::state::notices::Notices;
 use crate::window::touring::Player;
+use crate::window::written::WrittenHeights;
 use bevy::prelude::*;
 use bevy_egui::{EguiContexts, egui};
 use std::path::Path;
@@ -15,7 +17,7 @@ use std::path::Path;
 pub fn draw_output(
     mut contexts: EguiContexts,
     mut output: ResMut<OutputWindow>,
-    mut layer: ResMut<MarkLayer>,
+    (mut layer, mut written, mut paths): (ResMut<MarkLayer>, ResMut<WrittenHeights>, ResMut<Paths>),
     (player, mut notices): (Res<Player>, ResMut<Notices>),
     picture: Res<Picture>,
     selection: Res<ViewSelection>,
@@ -28,14 +30,16 @@ pub fn draw_output(
     let OutputWindow { bent, mask, words, .. } = output.bypass_change_detection();
     let Some(bent) = bent else { return Ok(()) };
     let tint = layer.tint();
-    let marked = match &selection.view {
-        Some(view) => layer.textures(&ctx, view),
-        None => &[],
+    let (written, paths) = (written.bypass_change_detection(), paths.bypass_change_detection());
+    let (marked, written) = match &selection.view {
+        Some(view) => (layer.textures(&ctx, view), written.textures(&ctx, view)),
+        None => (&[][..], &[][..]),
     };
     let tint = if marked.is_empty() { egui::Color32::WHITE } else { tint };
     let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
     painter.add(bend(bent, picture.texture, whole, window, tint));
-    for (texture, place) in marked {
+    // In the order that the presenter's window has them in.
+    for (texture, place) in written.iter().chain(paths.textures(&ctx)).chain(marked) {
         painter.add(bend(bent, texture.id(), *place, window, egui::Color32::WHITE));
     }
     if let Some(state) = player.state() {

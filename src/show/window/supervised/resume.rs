@@ -7,8 +7,9 @@ use crate::show::supervisor::RunFolder;
 use crate::tour::TourFile;
 use crate::window::camera::Viewpoint;
 use crate::window::picture::{DataCamera, Picture};
+use crate::window::playhead::Playhead;
 use crate::window::scene::{Scene, Settings};
-use crate::window::scene_io::{SceneParts, ShownData, scene_file};
+use crate::window::scene_io::{SceneParts, ShownData, say_moment, scene_file};
 use crate::window::shortcuts::FULLSCREEN;
 use crate::window::state::notices::Notices;
 use crate::window::touring::clock::ClockState;
@@ -88,7 +89,7 @@ pub(crate) fn keep_state(
     mut keeping: ResMut<Keeping>,
     supervised: Res<Supervised>,
     going_on: Option<Res<GoingOn>>,
-    (time, scene): (Res<Time<Real>>, Option<Res<Scene>>),
+    (time, scene, playhead): (Res<Time<Real>>, Option<Res<Scene>>, Option<Res<Playhead>>),
     (settings, picture, player): (Res<Settings>, Res<Picture>, Res<Player>),
     parts: SceneParts,
     mut notices: ResMut<Notices>,
@@ -120,7 +121,7 @@ pub(crate) fn keep_state(
     });
     let path = supervised.folder.scene();
     let mut file = scene_file(keeping.data.of(&scene, &settings), &settings, &camera, &picture, &parts, &path);
-    file.look.time = scene.when();
+    say_moment(&mut file.look, &scene, playhead.as_deref());
     let state = State {
         at: now(),
         saves_to: parts.saves_to().map(|path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned())),

@@ -197,7 +197,10 @@ fn a_presenter_is_waited_for_and_leads() {
 fn views_and_flights_become_a_tour_that_is_saved() {
     let mut window = Window::new();
     window.frame(0.1);
-    window.ask(Asked::Keep);
+    // There is no tour yet.
+    window.app.world_mut().resource_mut::<ButtonInput<KeyCode>>().press(KeyCode::KeyK);
+    window.frame(0.0);
+    window.app.world_mut().resource_mut::<ButtonInput<KeyCode>>().clear();
     window.frame(0.1);
     assert_eq!(window.player().tour().unwrap().keyframes.len(), 1);
     // A flight: the camera comes closer, evenly.
@@ -250,9 +253,10 @@ fn settings_follow_the_tour() {
     assert_eq!(window.app.world().resource::<Settings>().mode.name, "density-squared");
     window.frame(10.0);
     assert_eq!(window.app.world().resource::<Settings>().error_px, 3.0);
-    // A tour that cannot be read is told, and the one that is open stays.
+    // A tour that cannot be read is told, and the one that is open stays where it is.
     window.ask(Asked::Open("/nowhere/a.tour.ron".into()));
-    assert!(window.player().tour().is_some());
+    window.frame(0.1);
+    assert!(window.player().tour().is_some() && !window.player().clock().is_running());
     let notices: Vec<String> =
         window.app.world().resource::<Notices>().all().map(|notice| notice.text.clone()).collect();
     assert!(notices.iter().any(|text| text.contains("/nowhere/a.tour.ron")), "{notices:?}");

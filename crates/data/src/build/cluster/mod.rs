@@ -66,6 +66,10 @@ const BOOKS: u32 = 48;
 const SCRIPT: &str = "submit.sh";
 const LOGS: &str = "logs";
 
+/// What is wrong with a folder that has another job.
+const OTHER_JOB: &str = "found another job, expected none or the same one, with source, output, options and --tasks as they were; \
+                         `deepfield build --cancel` removes it";
+
 /// How finely a job is cut.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Split {
@@ -180,7 +184,7 @@ impl Job {
             let job = Job::open(folder)?;
             return match job.plan == plan {
                 true => Ok(job),
-                false => Err(job_error(folder, "found another job, expected none or the same one")),
+                false => Err(job_error(folder, OTHER_JOB)),
             };
         }
         // A plan that was killed may have left what it had of its file.

@@ -165,8 +165,9 @@ struct Page {
 /// The index of a task that has read chunks of a family.
 type Surveyed = (Vec<(usize, Survey)>, LeftOut);
 
-/// The index of the task that plans: what was seen of each family, with where its sampled columns are, and what is left out.
-type Planned = (Vec<Option<(Outline, Blob)>>, LeftOut);
+/// The index of the task that plans: what was seen of each family, with where its sampled columns are; what is left out; and the checksum of
+/// what each task has read of the source.
+type Planned = (Vec<Option<(Outline, Blob)>>, (LeftOut, Vec<u64>));
 
 /// The index of a task that has sorted chunks of a family by bucket: where the counts of the columns are, and then the [`Shares`] of each group
 /// of buckets.

@@ -455,6 +455,21 @@ fn what_is_missing_is_named_and_tasks_that_are_none_too() {
     assert_eq!(case.names(), ["source"]);
 }
 
+/// With as many bytes and particles, but others, so that it is told by what is read of it.
+#[test]
+fn a_source_that_is_written_again_is_told() {
+    let case = Case::small();
+    let job = case.plan(2).unwrap();
+    run_before(&job, "partition");
+    let write = |seed: u64| MadeUp { seed, gas: 3000, dark: 0, is_lacking: false }.write(&case.path("source"));
+    write(2);
+    let told = job.run("partition", 0, None, &()).unwrap_err().to_string();
+    assert!(told.contains("source: found other values than stage survey has read, expected the source as"), "{told}");
+    write(1);
+    run_all(&job);
+    assert!(case.built() == case.expected());
+}
+
 /// Whenever it is given up.
 #[test]
 fn cancelled_jobs_leave_nothing() {

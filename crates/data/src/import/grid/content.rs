@@ -87,6 +87,11 @@ impl Content {
         })
     }
 
+    /// The file as it is stored, for who unpacks it as the header says that named it.
+    pub(super) fn stored(self) -> Content {
+        Content { is_packed: false, packing: None, ..self }
+    }
+
     /// What is in the file from byte `offset` on.
     ///
     /// # Errors

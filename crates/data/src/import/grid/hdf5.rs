@@ -9,7 +9,7 @@ use super::{GridArray, GridDescription, GridFormat, GridSource, choice};
 use crate::import::ImportError;
 use crate::import::hdf5::{Array, Attributes, H5, is_hdf5, is_of_particles};
 use crate::import::table::are_columns;
-use crate::model::Grid;
+use crate::model::{Channel, Grid};
 
 /// HDF5: the data set that is named behind the file, else the only one that is a grid. Files of particles, and tables, are left to their
 /// formats, unless a data set is named.
@@ -27,6 +27,11 @@ impl About for Attributes {
     fn text(&self, name: &str) -> Option<String> {
         Attributes::text(self, name)
     }
+}
+
+/// What the numbers of a data set mean: their unit and scale, and which of them stands for none.
+pub(in crate::import) fn variable(name: &str, about: &Attributes) -> Channel {
+    conventions::channel(name, about)
 }
 
 fn detect(content: &Content) -> bool {

@@ -39,6 +39,7 @@ mod xml;
 
 pub(super) use content::Content;
 pub(super) use fields::{Entry, sample_type};
+pub(super) use hdf5::variable;
 pub use npy_header::NpyHeader;
 pub(super) use numpy_arrays::NumpyArrays;
 pub use raw::RawGrid;

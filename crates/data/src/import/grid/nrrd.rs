@@ -173,6 +173,9 @@ fn open(content: &Content) -> Result<GridSource, ImportError> {
                 return Err(name.wrong("one file"));
             }
             let data = content.beside("data file", name.text)?;
+            // The compression of the file is the encoding itself.
+            let is_encoded = header.entry("encoding").is_some_and(|encoding| is_gzip(encoding.text));
+            let data = if is_encoded { data.stored() } else { data };
             about.files = 2;
             about.bytes += data.length;
             samples(&header, &data, 0, bytes, &about.grid)?
@@ -180,6 +183,10 @@ fn open(content: &Content) -> Result<GridSource, ImportError> {
     };
     let layout = Layout::packed(&about.grid, order, offset, order_of_bytes.unwrap_or(byte_order));
     Ok(GridSource::new(about, storage, layout))
+}
+
+fn is_gzip(encoding: &str) -> bool {
+    matches!(encoding.to_lowercase().as_str(), "gzip" | "gz")
 }
 
 fn is_ascii(encoding: &str) -> bool {
@@ -291,7 +298,7 @@ fn samples(
             let storage = content.samples(offset, bytes, grid)?;
             Ok((storage, if content.is_packed { 0 } else { offset }, None))
         }
-        "gzip" | "gz" => {
+        other if is_gzip(other) => {
             let skipped = u64::try_from(skipped).map_err(|_| bad_skip())?;
             content.check_packed(content.most().saturating_sub(start), bytes, grid)?;
             let mut reader = MultiGzDecoder::new(BufReader::new(content.reader(start)?));

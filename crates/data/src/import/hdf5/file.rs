@@ -1,6 +1,7 @@
 //! HDF5 files behind a wall: everything that the reader library says about a damaged file, a panic included, becomes an
 //! [`ImportError`], and sizes are held against the file before anything is allocated.
 
+use super::filters;
 use crate::import::ImportError;
 use crate::import::guarded::guarded;
 use crate::import::source::exact_id;
@@ -19,6 +20,9 @@ pub(super) const MOST_EXPANSION: u64 = 1040;
 
 /// Largest chunk that is decoded at once, bytes.
 const MOST_CHUNK: u64 = 1 << 30;
+
+/// Attributes of a data set that name its unit in words.
+const UNITS: [&str; 4] = ["unit", "units", "Unit", "Units"];
 
 /// Most values per particle of a field.
 const MOST_COMPONENTS: u64 = 64;
@@ -47,7 +51,10 @@ impl H5 {
             Ok(bytes)
         });
         let most_chunk = bytes.saturating_mul(MOST_EXPANSION).min(MOST_CHUNK) as usize;
-        let options = OpenOptions::default().with_max_chunk_bytes(most_chunk).with_max_read_bytes(MOST_CHUNK as usize);
+        let options = OpenOptions::default()
+            .with_max_chunk_bytes(most_chunk)
+            .with_max_read_bytes(MOST_CHUNK as usize)
+            .with_filter_registry(filters::registry(most_chunk));
         let file = guard(path, "superblock", "an intact HDF5 file", || {
             Hdf5File::from_storage_with_options(Arc::new(storage), options)
         })?;
@@ -191,6 +198,12 @@ impl Attributes {
         let attribute = self.find(name)?;
         let text = guard(&self.path, &self.label, "text", || attribute.read_string()).ok();
         text.or_else(|| attribute.decoded_strings.as_ref().and_then(|strings| strings.first().cloned()))
+    }
+
+    /// The unit that a data set names in words, and the attribute in which it does.
+    pub(in crate::import) fn unit(&self) -> Option<(&'static str, String)> {
+        let stated = UNITS.into_iter().find_map(|name| Some((name, self.text(name)?)));
+        stated.filter(|(_, text)| !text.trim().is_empty())
     }
 
     /// The counts of an attribute such as `NumPart_ThisFile`.

@@ -4,6 +4,7 @@
 mod array;
 mod expansion;
 mod file;
+mod filters;
 mod header;
 mod names;
 mod openpmd;

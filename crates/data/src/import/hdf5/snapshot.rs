@@ -71,7 +71,7 @@ impl Snapshot {
             }
         }
         if description.families.is_empty() {
-            let field = "PartType0 to PartType5, Coordinates".to_string();
+            let field = "x, y and z at the root, PartType0 to PartType5, Coordinates".to_string();
             return Err(ImportError::NoParticles { path: path.into(), field });
         }
         let positions = description.families[0].find(FieldKind::Position);
@@ -239,7 +239,13 @@ impl File {
         let name = format!("PartType{number}");
         let claimed = self.header.counts.as_ref().map(|counts| counts.get(number).copied().unwrap_or(0));
         if self.has_group(&name) {
-            return if claimed == Some(0) { Ok(None) } else { self.h5.root()?.group(&name).map(Some) };
+            if claimed == Some(0) {
+                return Ok(None);
+            }
+            let group = self.h5.root()?.group(&name)?;
+            // Without a header an empty group says what it holds.
+            let is_empty = claimed.is_none() && group.members()?.1.is_empty();
+            return Ok((!is_empty).then_some(group));
         }
         if claimed.is_some_and(|count| count > 0) {
             let expected = format!("a group of {} particles as in the header", claimed.unwrap_or(0));

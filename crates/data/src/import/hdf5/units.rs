@@ -10,16 +10,12 @@ use crate::model::Unit;
 /// Attributes that hold the unit of length in centimetres.
 const LENGTHS: [&str; 3] = ["UnitLength_in_cm", "UnitLength_In_CGS", "Unit length in cgs (U_L)"];
 
-/// Attributes of a data set that name its unit in words.
-const WORDS: [&str; 4] = ["unit", "units", "Unit", "Units"];
-
 /// The unit that a data set names in words, where it does so. For positions and smoothing lengths it must be a length.
 ///
 /// # Errors
 /// When a position or smoothing length has a unit that is not known.
 pub(super) fn in_words(attributes: &Attributes, kind: FieldKind) -> Result<Option<Unit>, ImportError> {
-    let stated = WORDS.into_iter().find_map(|name| Some((name, attributes.text(name)?)));
-    let Some((name, text)) = stated.filter(|(_, text)| !text.trim().is_empty()) else { return Ok(None) };
+    let Some((name, text)) = attributes.unit() else { return Ok(None) };
     let is_length = matches!(kind, FieldKind::Position | FieldKind::SmoothingLength);
     match length(&text) {
         None if is_length => Err(attributes.malformed(name, format!("{text:?}"), KNOWN_LENGTHS)),

@@ -2,7 +2,7 @@
 //! numpy, TOPCAT and halo finders write them. Other comments may be before and between the rows, and before the names two lines of VELOCIraptor.
 
 use super::catalogue::Catalogue;
-use super::columns::{Column, number};
+use super::columns::{Column, number, stated_number};
 use super::records::{Delimiter, words};
 use super::separated::{Heading, Separated, header_line, open};
 use super::{sky, text};
@@ -30,9 +30,9 @@ impl Format for Ascii {
         if begins_as_velociraptor(&text) {
             return true;
         }
-        // Where the head ends in a row; a mark of byte order and a letter that is cut are not among the text.
+        // Where the head ends in a row, or in a long line of names; a mark of byte order and a letter that is cut are not among the text.
         let is_cut = text.len() + 8 > HEAD;
-        let whole = if is_cut { text.rfind('\n').map_or("", |end| &text[..=end]) } else { text.as_str() };
+        let whole = if is_cut { text.rfind('\n').map_or(&*text, |end| &text[..=end]) } else { text.as_str() };
         Beginning::read(Path::new("head"), &mut whole.as_bytes()).is_ok_and(|beginning| beginning.is_of_table())
     }
 
@@ -158,5 +158,5 @@ fn columns_of(line: &str) -> Vec<Column> {
 
 /// Whether none of these is a number.
 fn are_names(columns: &[Column]) -> bool {
-    !columns.is_empty() && columns.iter().all(|column| column.name.parse::<f64>().is_err())
+    !columns.is_empty() && columns.iter().all(|column| stated_number(&column.name).is_none())
 }

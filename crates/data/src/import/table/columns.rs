@@ -104,16 +104,22 @@ pub(super) struct Opened {
     pub notes: Vec<String>,
 }
 
+/// What tables write in place of a missing number, in lower case.
+const MISSING: [&str; 10] = ["", "na", "n/a", "#n/a", "<na>", "null", "\\n", "none", "-", "--"];
+
 /// The number that a field of text holds; NaN for what tables write in place of a missing one, `None` for other text.
 pub(super) fn number(text: &str) -> Option<f64> {
+    stated_number(text).or_else(|| MISSING.contains(&&*text.trim().to_lowercase()).then_some(f64::NAN))
+}
+
+/// The number that a text is, also with the exponent of Fortran's double precision (`1.5D+03`); `None` for other text.
+pub(super) fn stated_number(text: &str) -> Option<f64> {
     let text = text.trim();
-    match text.parse() {
-        Ok(number) => Some(number),
-        Err(_) if matches!(text.to_lowercase().as_str(), "" | "na" | "n/a" | "null" | "none" | "-" | "--") => {
-            Some(f64::NAN)
-        }
-        Err(_) => None,
-    }
+    let of_fortran = || {
+        let (digits, exponent) = text.split_once(['D', 'd']).filter(|(digits, _)| !digits.is_empty())?;
+        format!("{digits}e{exponent}").parse().ok()
+    };
+    text.parse().ok().or_else(of_fortran)
 }
 
 /// A note about columns that are no numbers which a row has a fixed number of; none where there are none.

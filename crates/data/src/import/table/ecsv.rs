@@ -4,6 +4,7 @@
 use super::catalogue::Catalogue;
 use super::columns::Column;
 use super::ecsv_header::{Description, Kind, MARK, described};
+use super::masked::names_mask;
 use super::records::Delimiter;
 use super::separated::{Heading, Separated, header_line, open};
 use super::text;
@@ -66,7 +67,7 @@ impl Separated for Ecsv {
         }
         Ok(Heading {
             is_text: columns.iter().map(|column| column.kind == Kind::Text).collect(),
-            is_truth: columns.iter().map(|column| column.kind == Kind::Truth).collect(),
+            has_masks: header.iter().any(|line| names_mask(line)),
             columns: columns.iter().map(|column| Column::with_unit(&column.name, &column.unit, 1)).collect(),
             delimiter: Delimiter::Each(delimiter as u8),
             lines: header.len() as u64 + 1,

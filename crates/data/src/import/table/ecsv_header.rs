@@ -10,10 +10,8 @@ pub(super) const MARK: &str = "# %ECSV ";
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Numbers.
+    /// Numbers, or `True` and `False`.
     Number,
-    /// `True` or `False`.
-    Truth,
     /// Anything else.
     Text,
 }
@@ -73,8 +71,7 @@ pub(super) fn described(path: &Path, lines: &[String]) -> Result<Description, Im
         let name = name.ok_or_else(|| ImportError::missing(path, &*field, "its name"))?;
         let kind = match (value("datatype"), value("subtype")) {
             (_, Some(_)) | (Some("string" | "complex64" | "complex128" | "complex256"), _) => Kind::Text,
-            (Some("bool"), None) => Kind::Truth,
-            (Some(kind), None) if kind.starts_with("int") || kind.starts_with("uint") || kind.starts_with("float") => {
+            (Some(kind), None) if ["bool", "int", "uint", "float"].iter().any(|known| kind.starts_with(known)) => {
                 Kind::Number
             }
             (found, None) => {
@@ -163,7 +160,7 @@ mod tests {
             description: >\n    name: no\n-\n  name: is it\n  datatype: bool\n- name: name\n  datatype: string\nmeta:\n  x: 1\n";
         let column = |name: &str, unit: &str, kind| Described { name: name.into(), unit: unit.into(), kind };
         let columns =
-            vec![column("ra", "deg", Kind::Number), column("is it", "", Kind::Truth), column("name", "", Kind::Text)];
+            vec![column("ra", "deg", Kind::Number), column("is it", "", Kind::Number), column("name", "", Kind::Text)];
         let expected = Description { delimiter: ',', columns };
         assert_eq!(of(flow).as_ref(), Ok(&expected));
         assert_eq!(of(block).as_ref(), Ok(&expected));

@@ -4,8 +4,10 @@
 use super::catalogue::Catalogue;
 use super::columns::{Column, Opened, Table, left_out_note, shown};
 use super::sky;
+use crate::import::grid::variable;
 use crate::import::hdf5::{Array, Column as Stored, H5};
 use crate::import::{ImportError, Source};
+use crate::model::{Channel, Scale};
 use std::ops::Range;
 
 /// Opens such a table; `None` where positions cannot be made of its columns. Data sets with other numbers of rows are about the table.
@@ -38,7 +40,7 @@ fn columns(file: &H5) -> Result<Option<(Columns, Vec<String>)>, ImportError> {
     if !sky::has_positions(&named) {
         return Ok(None);
     }
-    let (mut table, mut left_out) = (Columns { columns: Vec::new(), stored: Vec::new(), rows: 0 }, Vec::new());
+    let (mut table, mut left_out) = (Columns::default(), Vec::new());
     let mut first: Option<(String, u64)> = None;
     let mut others = Vec::new();
     for (name, column) in names.into_iter().zip(named) {
@@ -46,13 +48,19 @@ fn columns(file: &H5) -> Result<Option<(Columns, Vec<String>)>, ImportError> {
             left_out.push(name);
             continue;
         };
-        let column = Column { components: stored.components, ..column };
+        let about = stored.attributes()?;
+        // NetCDF stores axes that have no coordinates, too.
+        if about.text("NAME").is_some_and(|name| name.starts_with("This is a netCDF dimension")) {
+            continue;
+        }
+        let (unit, meaning) = (about.unit().map_or(column.unit, |(_, unit)| unit), variable(&name, &about));
+        let column = Column::with_unit(&column.name, &unit, stored.components);
         if !sky::is_needed(&column) {
-            others.push((column, stored));
+            others.push((column, stored, meaning));
             continue;
         }
         // The places of samples along an axis of an array are no places of particles.
-        if stored.attributes()?.text("CLASS").is_some_and(|class| class == "DIMENSION_SCALE") {
+        if about.text("CLASS").is_some_and(|class| class == "DIMENSION_SCALE") {
             return Ok(None);
         }
         let (other, rows) = first.get_or_insert_with(|| (name.clone(), stored.rows));
@@ -60,25 +68,29 @@ fn columns(file: &H5) -> Result<Option<(Columns, Vec<String>)>, ImportError> {
             let expected = format!("{rows}, as {} has", shown(other));
             return Err(ImportError::malformed(&file.path, shown(&name), format!("{} rows", stored.rows), expected));
         }
-        table.push(column, stored);
+        table.push(column, stored, meaning);
     }
     table.rows = first.map_or(0, |(_, rows)| rows);
-    others.retain(|(_, stored)| stored.rows == table.rows);
-    others.into_iter().for_each(|(column, stored)| table.push(column, stored));
+    others.retain(|(_, stored, _)| stored.rows == table.rows);
+    others.into_iter().for_each(|(column, stored, meaning)| table.push(column, stored, meaning));
     Ok(Some((table, left_out)))
 }
 
 /// Data sets of one number of rows.
+#[derive(Default)]
 struct Columns {
     columns: Vec<Column>,
     stored: Vec<Stored>,
+    /// What stored numbers mean.
+    meanings: Vec<Channel>,
     rows: u64,
 }
 
 impl Columns {
-    fn push(&mut self, column: Column, stored: Stored) {
+    fn push(&mut self, column: Column, stored: Stored, meaning: Channel) {
         self.columns.push(column);
         self.stored.push(stored);
+        self.meanings.push(meaning);
     }
 }
 
@@ -92,12 +104,18 @@ impl Table for Columns {
     }
 
     fn read(&self, column: usize, rows: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
-        self.stored[column].read(rows, out)
+        self.stored[column].read(rows, out)?;
+        let Channel { scale, no_data, .. } = &self.meanings[column];
+        if no_data.is_some() || *scale != Scale::NONE {
+            let meant = |stored: f64| if *no_data == Some(stored) { f64::NAN } else { scale.value(stored) };
+            out.iter_mut().for_each(|number| *number = meant(*number));
+        }
+        Ok(())
     }
 
     fn read_whole(&self, column: usize, rows: Range<u64>, out: &mut [Option<u64>]) -> Result<bool, ImportError> {
-        let stored = &self.stored[column];
-        if !stored.is_whole() {
+        let (stored, meaning) = (&self.stored[column], &self.meanings[column]);
+        if !stored.is_whole() || meaning.no_data.is_some() || meaning.scale != Scale::NONE {
             return Ok(false);
         }
         // Of those below 0 the sign is a bit like others, as in snapshots: ids are often written with the wrong one.

@@ -12,6 +12,7 @@ mod geojson;
 mod hdf5;
 mod ids;
 mod kstars;
+mod masked;
 mod parquet;
 mod parts;
 mod records;

@@ -1,7 +1,7 @@
 //! A table in many files: those of one folder, in the order of their names. They have the same columns.
 
 use super::catalogue::Catalogue;
-use super::columns::{Column, Opened, Table, shown};
+use super::columns::{Column, Opened, Table, left_out_note, shown};
 use super::store::{Store, StoreWriter};
 use super::{Ascii, Csv, Ecsv, fits, ids, parquet, separated, votable};
 use crate::import::check::chunks;
@@ -121,9 +121,11 @@ fn together(path: &Path, files: &[PathBuf], reader: &Reader, method: ReadMethod)
         }
         append(table, &places, columns, writer)?;
     }
-    let Some((writer, _, is_kept, format)) = all else {
+    let Some((writer, columns, is_kept, format)) = all else {
         return Err(ImportError::missing(path, "tables", "files with the same columns"));
     };
+    let dropped = columns.iter().zip(&is_kept).filter(|(_, is_kept)| !**is_kept);
+    notes.extend(left_out_note(&dropped.map(|(column, _)| column.name.clone()).collect::<Vec<String>>()));
     notes.push(note(files));
     let store: Store = writer.finish(|column| is_kept[column])?;
     Ok(Opened { table: Box::new(store), format, bytes, notes })

@@ -1,6 +1,7 @@
 //! Rows of values that something separates, behind a header: what CSV, ECSV and ASCII tables have in common.
 
-use super::columns::{Column, Opened, number, shown};
+use super::columns::{Column, Opened, Table, left_out_note, number, shown};
+use super::masked::unmasked;
 use super::records::{Delimiter, Records};
 use super::store::{Store, StoreWriter};
 use super::{ids, sky, text};
@@ -11,7 +12,7 @@ use std::io::{BufRead, Cursor, Read};
 use std::path::Path;
 
 /// The longest line of a header, bytes: a file without line ends is not read as one.
-const LONGEST: u64 = 1 << 16;
+const LONGEST: u64 = 1 << 20;
 
 /// A format of such rows.
 pub(super) trait Separated {
@@ -36,8 +37,12 @@ pub(super) fn open<F: Separated>(path: &Path, _: ReadMethod) -> Result<Opened, I
     if !sky::has_positions(&heading.columns) {
         return Err(sky::missing(path));
     }
-    let table = Box::new(rows(path, heading, reader)?);
-    Ok(Opened { table, format: F::NAME, bytes, notes: Vec::new() })
+    let has_masks = heading.has_masks;
+    let (table, left_out) = rows(path, heading, reader)?;
+    let table: Box<dyn Table> = Box::new(table);
+    let table = if has_masks { unmasked(table) } else { table };
+    let notes = left_out_note(&left_out).into_iter().collect();
+    Ok(Opened { table, format: F::NAME, bytes, notes })
 }
 
 /// The columns of a table, numbers or not.
@@ -54,8 +59,8 @@ pub(super) struct Heading {
     pub columns: Vec<Column>,
     /// Which of them hold text, whatever it looks like.
     pub is_text: Vec<bool>,
-    /// Which of them hold `True` and `False`.
-    pub is_truth: Vec<bool>,
+    /// Whether some are masks of others.
+    pub has_masks: bool,
     /// What separates values.
     pub delimiter: Delimiter,
     /// Lines of the header.
@@ -67,41 +72,43 @@ pub(super) struct Heading {
 impl Heading {
     /// Columns of which nothing is known but their names.
     pub(super) fn of_names(columns: Vec<Column>, delimiter: Delimiter) -> Heading {
-        let nothing = vec![false; columns.len()];
-        Heading { is_text: nothing.clone(), is_truth: nothing, columns, delimiter, lines: 1, begun: Vec::new() }
+        let is_text = vec![false; columns.len()];
+        Heading { columns, is_text, has_masks: false, delimiter, lines: 1, begun: Vec::new() }
     }
 }
 
 /// The next line of a header without its end; empty at the end of the file.
 ///
 /// # Errors
-/// When the file cannot be read, or the line is no text.
+/// When the file cannot be read.
 pub(super) fn header_line(path: &Path, reader: &mut dyn BufRead) -> Result<String, ImportError> {
-    let mut line = String::new();
+    let mut line = Vec::new();
     let mut limited = std::io::Read::take(reader, LONGEST);
-    limited.read_line(&mut line).map_err(|source| ImportError::io(path, "header", source))?;
-    Ok(line)
+    limited.read_until(b'\n', &mut line).map_err(|source| ImportError::io(path, "header", source))?;
+    Ok(text::decoded(line))
 }
 
-/// Reads all rows. Columns in which some value is text are left out.
+/// Reads all rows. Columns in which some value is text are left out; their names come with the rows.
 ///
 /// # Errors
 /// When the file cannot be read, a row has too few or too many values, or one of a column that positions need is no number.
-fn rows(path: &Path, heading: Heading, reader: Box<dyn BufRead>) -> Result<Store, ImportError> {
-    let Heading { columns, is_text, is_truth, delimiter, lines, begun } = heading;
+fn rows(path: &Path, heading: Heading, reader: Box<dyn BufRead>) -> Result<(Store, Vec<String>), ImportError> {
+    let Heading { columns, is_text, delimiter, lines, begun, .. } = heading;
     let mut records = Records::new(Box::new(Cursor::new(begun).chain(reader)), delimiter, lines);
     let mut record = ByteRecord::new();
     let widths: Vec<usize> = columns.iter().map(Column::width).collect();
     let mut row = Vec::with_capacity(widths.iter().sum());
     // The first value of a column that is text, and the line that it is in.
     let mut text: Vec<Option<(u64, String)>> = vec![None; columns.len()];
+    let mut has_numbers = vec![false; columns.len()];
+    let may_be_truth: Vec<bool> = columns.iter().map(|column| !sky::is_needed(column) && !column.is_id()).collect();
     let names = columns.clone();
     let mut rows = StoreWriter::new(path, columns);
     while records.read(path, &mut record)? {
         let line = records.line();
         if record.len() != names.len() {
             if rows.rows() == 0 && lines == 1 && names.len() > 1 {
-                return transposed(path, names, records, &record);
+                return Ok((transposed(path, names, records, &record)?, Vec::new()));
             }
             let found = format!("{} values", record.len());
             let expected = format!("{}, as many as the header has names", names.len());
@@ -114,11 +121,12 @@ fn rows(path: &Path, heading: Heading, reader: Box<dyn BufRead>) -> Result<Store
                 continue;
             }
             let field = String::from_utf8_lossy(field);
-            let value = if is_truth[index] { truth(&field) } else { number(&field) };
+            let value = number(&field).or_else(|| truth(&field).filter(|_| may_be_truth[index]));
             if value.is_none() {
                 text[index] = Some((line, field.chars().take(40).collect()));
             }
             let value = value.unwrap_or(f64::NAN);
+            has_numbers[index] |= !value.is_nan();
             row.push(value);
             if widths[index] > 1 {
                 row.push(ids::rest(value, ids::of_text(&field, value)));
@@ -131,7 +139,13 @@ fn rows(path: &Path, heading: Heading, reader: Box<dyn BufRead>) -> Result<Store
         let field = format!("{} in line {line}", shown(&column.name));
         return Err(ImportError::malformed(path, field, shown(found), "a number"));
     }
-    rows.finish(|column| !is_text[column] && text[column].is_none())
+    let left_out = names.iter().zip(&text).enumerate().filter_map(|(index, (column, text))| match text {
+        // One value among numbers may be a mistake of whoever wrote it.
+        Some((line, found)) if has_numbers[index] => Some(format!("{} ({found} in line {line})", column.name)),
+        text => (is_text[index] || text.is_some()).then(|| column.name.clone()),
+    });
+    let left_out = left_out.collect();
+    Ok((rows.finish(|column| !is_text[column] && text[column].is_none())?, left_out))
 }
 
 /// The rows of a table that has a line for each name; `first` is the first of these lines.
@@ -169,11 +183,8 @@ fn transposed(path: &Path, names: Vec<Column>, mut records: Records, first: &Byt
     rows.finish(|_| true)
 }
 
-/// 1 for what is true, 0 for what is not, NaN where nothing is said; `None` for other text.
+/// 1 for what is true and 0 for what is not, in letters of any case; `None` for other text.
 fn truth(text: &str) -> Option<f64> {
-    match text.trim() {
-        "True" | "true" => Some(1.0),
-        "False" | "false" => Some(0.0),
-        other => number(other),
-    }
+    let is = |word: &str| text.trim().eq_ignore_ascii_case(word);
+    if is("true") { Some(1.0) } else { is("false").then_some(0.0) }
 }

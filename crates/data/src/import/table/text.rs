@@ -19,15 +19,28 @@ pub(super) fn content(head: &[u8]) -> Vec<u8> {
     bytes
 }
 
+/// The text of some bytes: what is not in UTF-8 is taken for Latin-1, as older programs write it.
+pub(super) fn decoded(bytes: Vec<u8>) -> String {
+    String::from_utf8(bytes).unwrap_or_else(|wrong| wrong.into_bytes().into_iter().map(char::from).collect())
+}
+
+/// Whether bytes that are not in UTF-8 may be text in Latin-1: few of them are no ASCII.
+fn is_latin(bytes: &[u8]) -> bool {
+    bytes.iter().filter(|byte| !byte.is_ascii()).count() <= bytes.len() / 8
+}
+
 /// The beginning of a text file from the file's first bytes, decompressed where needed; `None` if it is not text.
 pub(in crate::import) fn head(head: &[u8]) -> Option<String> {
-    let bytes = content(head);
-    // The last character may be cut in two.
-    let text = match std::str::from_utf8(&bytes) {
-        Ok(text) => text,
-        Err(error) if error.error_len().is_none() => std::str::from_utf8(&bytes[..error.valid_up_to()]).ok()?,
-        Err(_) => return None,
-    };
+    let mut bytes = content(head);
+    let fault = std::str::from_utf8(&bytes).err();
+    match fault {
+        None => {}
+        // The last character may be cut in two.
+        Some(error) if error.error_len().is_none() => bytes.truncate(error.valid_up_to()),
+        Some(_) if is_latin(&bytes) => {}
+        Some(_) => return None,
+    }
+    let text = decoded(bytes);
     let plain = text.chars().all(|letter| !letter.is_control() || matches!(letter, '\t' | '\r' | '\n'));
     (plain && !text.trim().is_empty()).then(|| text.trim_start_matches('\u{feff}').to_string())
 }

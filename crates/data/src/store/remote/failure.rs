@@ -103,7 +103,7 @@ fn refused(refusal: Refusal, is_bucket: bool) -> (ErrorKind, String) {
         400 | 401 | 403 if is_bucket => {
             "; AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY say who asks, AWS_SKIP_SIGNATURE=true that it is a public one"
         }
-        401 => ", which DEEPFIELD_TOKEN gives",
+        401 => ", which DEEPFIELD_TOKEN gives; a host before it is that of the URL, without the port",
         _ => "",
     };
     let pause = pause.map(|pause| format!(", and for none within {} s", in_seconds(pause))).unwrap_or_default();

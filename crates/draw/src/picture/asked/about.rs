@@ -3,7 +3,8 @@
 use super::Failure;
 use crate::heights::OpenHeights;
 use crate::heights::import::HeightOptions;
-use crate::import::{GridOptions, open_grid};
+use crate::heights::store::HeightFile;
+use crate::import::{GridOptions, find_source, open_grid};
 use crate::look::{DataKind, Member, MemberKind, OpenData};
 use crate::mode::Mode;
 use crate::model::{Bounds, Grid, Moment, ReadMethod};
@@ -60,30 +61,36 @@ fn of_particles(
 }
 
 fn family(family: &FamilyMetadata) -> Value {
+    let fields = family.quantities.iter().chain(&family.attributes).map(|one| field(one, family.count));
     json!({
         "name": family.name,
         "count": family.count,
         "mass": family.mass,
         "bounds": corners(family.bounds),
-        "fields": family.quantities.iter().chain(&family.attributes).map(field).collect::<Vec<_>>(),
+        "fields": fields.collect::<Vec<_>>(),
     })
 }
 
-fn field(field: &AttributeInfo) -> Value {
-    let histogram = &field.histogram;
+/// A field of a family of so many particles.
+fn field(field: &AttributeInfo, count: u64) -> Value {
+    // Of values none of which is finite there are no ends, and the zeros that stand for them would be numbers like others.
+    let known = |value: f64| (field.missing < count).then_some(value);
+    let histogram = known(0.0).map(|_| {
+        json!({
+            "logarithmic": field.histogram.logarithmic,
+            "min": field.histogram.min,
+            "max": field.histogram.max,
+            "counts": field.histogram.counts,
+        })
+    });
     json!({
         "name": field.name,
         "unit": field.unit,
-        "min": field.min,
-        "max": field.max,
-        "mean": field.mean,
+        "min": known(field.min),
+        "max": known(field.max),
+        "mean": known(field.mean),
         "missing": field.missing,
-        "histogram": {
-            "logarithmic": histogram.logarithmic,
-            "min": histogram.min,
-            "max": histogram.max,
-            "counts": histogram.counts,
-        },
+        "histogram": histogram,
     })
 }
 
@@ -99,14 +106,19 @@ fn corners(bounds: Bounds) -> Option<[[f64; 3]; 2]> {
 
 /// An image or a volume: one family of all samples, whose channels are its fields. Their ranges are not known without reading all of it.
 fn of_field(path: &Path) -> Result<Value, Failure> {
-    let grid: Grid = match DataKind::of(path)? {
-        DataKind::Grid => GridFile::open(path, ReadMethod::default())?.about().grid.clone(),
-        _ => open_grid(path, &GridOptions::default())?.grid().clone(),
+    let (grid, source): (Grid, _) = match DataKind::of(path)? {
+        DataKind::Grid => {
+            let file = GridFile::open(path, ReadMethod::default())?;
+            let about = file.about();
+            (about.grid.clone(), source_of(path, &about.source, about.source_bytes))
+        }
+        _ => (open_grid(path, &GridOptions::default())?.grid().clone(), None),
     };
     let count = grid.shape.iter().fold(1_u64, |count, side| count.saturating_mul(*side));
     let channels = grid.channels.iter().map(|channel| json!({ "name": channel.name, "unit": channel.unit }));
     Ok(json!({
         "kind": grid.kind(),
+        "source": source,
         "unit": grid.length_unit,
         "bounds": corners(grid.bounds()),
         "count": count,
@@ -121,8 +133,20 @@ fn of_field(path: &Path) -> Result<Value, Failure> {
     }))
 }
 
+/// The source that a built file was made of, where it is there.
+fn source_of(built: &Path, named: &Path, bytes: u64) -> Option<String> {
+    find_source(named, built, bytes).map(|source| source.display().to_string())
+}
+
 /// Measured heights: one family of all samples with one field.
 fn of_heights(path: &Path) -> Result<Value, Failure> {
+    let source = match DataKind::of(path)? {
+        DataKind::Heights => {
+            let file = HeightFile::open(path, ReadMethod::default())?;
+            source_of(path, &file.about().source, file.about().source_bytes)
+        }
+        _ => None,
+    };
     let found = OpenHeights::for_pictures(path, &HeightOptions::default())?.0.summary()?;
     let ends = [0, 1].map(|axis| {
         let last = [found.columns, found.rows][axis].saturating_sub(1) as f64;
@@ -132,6 +156,7 @@ fn of_heights(path: &Path) -> Result<Value, Failure> {
     let bounds = [[ends[0][0], ends[1][0], found.min], [ends[0][1], ends[1][1], found.max]];
     Ok(json!({
         "kind": "heights",
+        "source": source,
         "unit": found.xy_unit,
         "bounds": bounds,
         "count": found.samples,

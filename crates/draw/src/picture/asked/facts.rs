@@ -3,8 +3,9 @@
 use crate::annotate::{Legend, LegendAxis, Shown, Units};
 use crate::look::Shot;
 use crate::mode::Raw;
-use crate::picture::Picture;
 use crate::picture::surface::CHANNELS;
+use crate::picture::{AnySession, Picture};
+use crate::store::FamilyMetadata;
 use crate::view::{Projection, View};
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -18,13 +19,19 @@ pub enum ChannelValues {
 }
 
 /// The numbers of a picture: `P`, and `S` where it has some, NaN where nothing was drawn; of colours linear light, premultiplied with opacity;
-/// of sections through particles these and the values, of heights these and what is at the middle of each pixel.
-pub fn channels(drawn: Picture) -> Vec<(&'static str, ChannelValues)> {
+/// of sections through particles these and the values, of heights these and what is at the middle of each pixel. `ends` are those of the
+/// attribute, between which its means are: beside the edge of what is drawn the filters of the image pyramid leave sums that are small beside
+/// their own error, and the ratio of two such is any number.
+pub fn channels(drawn: Picture, ends: Option<[f64; 2]>) -> Vec<(&'static str, ChannelValues)> {
     let (light, shown) = match drawn.values {
         Raw::Sums(sums, _) => {
+            let within = |s: f32| match ends {
+                Some([least, largest]) => s.max(least as f32).min(largest as f32),
+                None => s,
+            };
             let s: Option<Vec<f32>> = sums
                 .has_attribute()
-                .then(|| (0..sums.p.len()).map(|index| sums.s(index).unwrap_or(f32::NAN)).collect());
+                .then(|| (0..sums.p.len()).map(|index| sums.s(index).map_or(f32::NAN, within)).collect());
             let s = s.map(|s| ("S", ChannelValues::Single(s)));
             return [("P", ChannelValues::Single(sums.p))].into_iter().chain(s).collect();
         }
@@ -43,6 +50,26 @@ pub fn channels(drawn: Picture) -> Vec<(&'static str, ChannelValues)> {
         channels.extend(CHANNELS.into_iter().enumerate().map(of_heights));
     }
     channels
+}
+
+/// The smallest and the largest value of an attribute in some families; `None` where none of them has any.
+fn attribute_ends(families: &[FamilyMetadata], name: &str) -> Option<[f64; 2]> {
+    let known = families.iter().flat_map(|family| {
+        let own = family.quantities.iter().chain(&family.attributes);
+        own.filter(move |info| info.name == name && info.missing < family.count).map(|info| [info.min, info.max])
+    });
+    known.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+}
+
+/// The units of a picture of particles, and the smallest and the largest value of the attribute that colours it.
+pub fn units_and_ends(session: &mut AnySession, drawn: &Picture) -> (Option<Units>, Option<[f64; 2]>) {
+    let known = session.particles().map(|session| {
+        let metadata = session.tree().metadata();
+        let ends = drawn.attribute().and_then(|name| attribute_ends(&metadata.families, name));
+        (Units::of(metadata, &drawn.annotation.depiction), ends)
+    });
+    let (units, ends) = known.unzip();
+    (units, ends.flatten())
 }
 
 /// What a picture shows. `units` are those of particles.

@@ -7,7 +7,7 @@ mod request;
 mod state;
 
 pub use about::about;
-pub use facts::{ChannelValues, channels, facts};
+pub use facts::{ChannelValues, channels, facts, units_and_ends};
 pub use question::{AskedProbe, Question, only};
 pub use request::Asked;
 pub use state::State;

@@ -27,12 +27,13 @@ impl Task<'_> {
             let samples = spill.put(&[&samples.bytes()]).map_err(|error| BuildError::temporary(&spill, error))?;
             Ok::<_, BuildError>((outline, samples))
         };
-        let mut left_out = Vec::new();
+        let (mut left_out, mut checksums) = (Vec::new(), Vec::new());
         let mut outlines: Vec<Option<(Outline, Blob)>> = Vec::new();
         for (stream, tasks) in streams.families.iter().zip(self.settings.inputs()) {
             let mut parts = Vec::with_capacity(tasks.len());
             for task in tasks {
                 let (part, left) = self.surveyed(task, stream)?;
+                checksums.push(part.iter().map(|(_, survey)| survey.checksum).fold(0, u64::wrapping_add));
                 parts.push(part);
                 left_out.push(left);
             }
@@ -52,13 +53,13 @@ impl Task<'_> {
             return Err(ImportError::NoParticles { path: self.settings.named.clone(), field }.into());
         }
         drop(spill);
-        let planned: Planned = (outlines, LeftOut::sum(left_out));
+        let planned: Planned = (outlines, (LeftOut::sum(left_out), checksums));
         self.hand_on(&planned, 0, 0)
     }
 
     /// What was seen of each family, without samples.
     pub(super) fn outlines(&self) -> Result<(Vec<Option<Outline>>, LeftOut), BuildError> {
-        let (outlines, left_out) = self.planned()?;
+        let (outlines, (left_out, _)) = self.planned()?;
         Ok((outlines.into_iter().map(|outline| outline.map(|(outline, _)| outline)).collect(), left_out))
     }
 
@@ -69,7 +70,10 @@ impl Task<'_> {
 
     pub(super) fn partition(self, task: u32) -> Result<(), BuildError> {
         let (number, own, input) = self.settings.input(task);
-        let Some(outline) = self.outline(number)? else { return self.hand_on(&Sorted::default(), 0, 0) };
+        let (outlines, (_, checksums)) = self.planned()?;
+        let Some((outline, _)) = outlines.into_iter().nth(number).flatten() else {
+            return self.hand_on(&Sorted::default(), 0, 0);
+        };
         let source = self.source()?;
         let streams = self.streams(source.as_ref())?;
         self.check_columns(&outline, &streams.families[number])?;
@@ -79,7 +83,7 @@ impl Task<'_> {
         let counts = (particles, self.settings.particles());
         let memory = Memory::of_sorting(self.allowed(), folder, columns, buckets, counts, self.job.output())?;
         let spill = Spill::new(&folder.join(format!("{SPILL}.{task}")), folder, memory.particles, self.options.read);
-        let (partition, counts) = Partition::of_chunks(
+        let (partition, counts, checksum) = Partition::of_chunks(
             &streams.families[number],
             chunks.clone(),
             &outline.survey.ranges,
@@ -88,6 +92,9 @@ impl Task<'_> {
             (spill, memory.waiting),
             self.progress,
         )?;
+        if checksums.get(task as usize) != Some(&checksum) {
+            return Err(self.changed("other values than stage survey has read"));
+        }
         let spill = self.spill();
         let groups = (0..own.groups).map(|group| shares(buckets, own.groups, group));
         let shares = partition.hand_on(groups, outline.has_neighbours(), &spill)?;

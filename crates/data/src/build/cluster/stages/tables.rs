@@ -57,7 +57,9 @@ impl Task<'_> {
 
     /// What was seen of each family, with where its sampled columns are.
     pub(super) fn planned(&self) -> Result<Planned, BuildError> {
-        self.checked("plan", 0, |(outlines, _): &Planned| {
+        self.checked("plan", 0, |(outlines, (_, checksums)): &Planned| {
+            let tasks: usize = self.settings.inputs().map(|tasks| tasks.len()).sum();
+            expect("checksums of the source", checksums.len(), tasks)?;
             self.check_outlines(outlines.iter().map(|own| own.as_ref().map(|(outline, _)| outline)), false)
         })
     }

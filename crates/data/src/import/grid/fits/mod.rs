@@ -6,7 +6,7 @@ mod dither;
 mod rice;
 mod tiles;
 
-use super::content::Content;
+use super::content::{Content, filled};
 use super::fields::Entry;
 use super::layout::{Layout, PLANAR};
 use super::source::checked;
@@ -158,9 +158,10 @@ fn open(content: &Content) -> Result<GridSource, ImportError> {
         let found = format!("{} bytes", content.length);
         return Err(ImportError::malformed(path, "length", found, format!("whole blocks of {BLOCK}")));
     }
-    let mut start = 0;
+    let (mut start, mut has_text) = (0, false);
     for part in 0..MOST_PARTS {
         let Some(header) = Header::read(content, start)? else { break };
+        has_text |= header.entry("XTENSION").is_some_and(|entry| entry.text == "TABLE");
         let sizes = header.sizes("NAXIS")?;
         let is_tiled = header.entry("ZIMAGE").is_some_and(|entry| entry.text == "T");
         let is_image = is_tiled || part == 0 || header.entry("XTENSION").is_some_and(|entry| entry.text == "IMAGE");
@@ -189,7 +190,11 @@ fn open(content: &Content) -> Result<GridSource, ImportError> {
             break;
         }
     }
-    Err(ImportError::missing(path, "image", "an array of 2 or 3 axes"))
+    let expected = "an array of 2 or 3 axes, or a BINTABLE";
+    Err(match has_text {
+        true => ImportError::malformed(path, "XTENSION", "TABLE, rows of text", expected),
+        false => ImportError::missing(path, "image", expected),
+    })
 }
 
 /// The grid of a header, whose entry `bits` tells the type of samples.
@@ -217,14 +222,47 @@ fn described(header: &Header, bits: &str, axes: &[u64]) -> Result<Grid, ImportEr
     Ok(grid)
 }
 
+/// What FITS adds to whole numbers of 64 bits that have no sign: 2^63.
+const MIDDLE: f64 = 9_223_372_036_854_775_808.0;
+
+/// Whether samples are whole numbers of 64 bits without a sign. Double precision does not hold what is stored of them.
+fn is_unsigned(grid: &Grid) -> bool {
+    grid.sample_type == SampleType::I64 && grid.channels[0].scale == Scale { intercept: MIDDLE, ..Scale::NONE }
+}
+
+/// Whole numbers of 64 bits, the most significant byte first, that are stored with [`MIDDLE`] taken off: as they are.
+struct Unsigned<R> {
+    signed: R,
+    at: u64,
+}
+
+impl<R: Read> Read for Unsigned<R> {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        let read = self.signed.read(out)?;
+        let first = (self.at.next_multiple_of(8) - self.at) as usize;
+        out[..read].iter_mut().skip(first).step_by(8).for_each(|byte| *byte ^= 0x80);
+        self.at += read as u64;
+        Ok(read)
+    }
+}
+
 /// The array behind a header.
 fn array(header: &Header, axes: &[u64]) -> Result<GridSource, ImportError> {
     let content = header.content;
     let path = &*content.path;
-    let grid = described(header, "BITPIX", axes)?;
+    let mut grid = described(header, "BITPIX", axes)?;
     let bytes = checked(path, &grid, "NAXIS", "NAXIS")?;
-    let storage = content.samples(header.end, bytes, &grid)?;
-    let layout = Layout::packed(&grid, PLANAR, if content.is_packed { 0 } else { header.end }, Order::Big);
+    let (storage, offset) = if is_unsigned(&grid) {
+        let channel = &mut grid.channels[0];
+        channel.scale = Scale::NONE;
+        channel.no_data = channel.no_data.map(|stored| stored + MIDDLE);
+        grid.sample_type = SampleType::U64;
+        let samples = Unsigned { signed: content.reader(header.end)?, at: 0 };
+        (filled(samples, path, bytes, &grid)?, 0)
+    } else {
+        (content.samples(header.end, bytes, &grid)?, if content.is_packed { 0 } else { header.end })
+    };
+    let layout = Layout::packed(&grid, PLANAR, offset, Order::Big);
     let mut about = GridDescription::new(path, FITS.name, content.length, grid);
     if let Some(axis) = header.entry("CTYPE1") {
         about.notes.push(format!("places are pixels: the header's own coordinates ({} ...) are left out", axis.text));

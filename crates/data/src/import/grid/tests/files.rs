@@ -165,6 +165,7 @@ pub fn every() -> Vec<Case> {
         .flat_map(|x| (0..ny).flat_map(move |y| (0..nz).flat_map(move |z| value(x, y, z).to_be_bytes())))
         .collect();
     let nhdr = nrrd("endian: little\nencoding: raw\ndata file: other.raw\nbyte skip: 3\n", b"");
+    let packed_nhdr = nrrd("endian: little\nencoding: gzip\ndata file: other.raw.gz\n", b"");
     let raw_ron = b"(shape: [6, 5, 4], type: \"i16\", spacing: [1.5, 2, 2.5], big_endian: true, offset: 7)".to_vec();
     let grey16: Vec<u8> = (0..20_u16).flat_map(|i| (i * 3000).to_be_bytes()).collect();
     let unspaced = |case: Case| Case { spacing: None, ..case };
@@ -175,6 +176,7 @@ pub fn every() -> Vec<Case> {
         volume("ascii.nrrd", nrrd("encoding: ascii\n\n", &text())),
         volume("whole.nrrd.gz", gzip(&nrrd("endian: little\nencoding: raw\n\n", &little()))),
         Case { beside: vec![("other.raw", [b"abc", &little()[..]].concat())], ..volume("detached.nhdr", nhdr) },
+        Case { beside: vec![("other.raw.gz", gzip(&little()))], ..volume("packed.nhdr", packed_nhdr) },
         unspaced(volume("c.npy", npy("<i2", false, "(4, 5, 6)", &little()))),
         unspaced(volume("fortran.npy", npy(">i2", true, "(4, 5, 6)", &fortran))),
         unspaced(volume("packed.npy", gzip(&npy("<i2", false, "(4, 5, 6)", &little())))),

@@ -192,6 +192,22 @@ fn messages_name_file_field_found_and_expected() {
             nrrd("endian: little\nencoding: raw\ndata file: gone.raw\n", b""),
             "d.nhdr: data file: found gone.raw (No such file",
         ),
+        (
+            "t.fits",
+            [
+                more_files::fits(
+                    "SIMPLE  =                    T\nBITPIX  =                    8\nNAXIS   =                    0",
+                    b"",
+                ),
+                more_files::fits(
+                    "XTENSION= 'TABLE   '\nBITPIX  =                    8\nNAXIS   =                    2\n\
+                     NAXIS1  =                    3\nNAXIS2  =                    1",
+                    b"1 2",
+                ),
+            ]
+            .concat(),
+            "t.fits: XTENSION: found TABLE, rows of text, expected an array of 2 or 3 axes, or a BINTABLE",
+        ),
         ("t", b"nothing that is known".to_vec(), "t: content: not a known format, expected one of "),
     ] {
         let text = refusal(name, &bytes);

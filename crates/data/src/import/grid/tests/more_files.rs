@@ -1,6 +1,6 @@
 //! Small files of VTK, FITS, TIFF and ZIP, made here byte by byte.
 
-use super::files::{Case, big, little, native, text, value, volume, zlib};
+use super::files::{Case, big, little, native, text, value, values, volume, zlib};
 use crate::model::SampleType;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -146,6 +146,10 @@ pub fn every() -> Vec<Case> {
         NAXIS1  =                    6 / a comment\nNAXIS2  =                    5\nNAXIS3  =                    4";
     let extension = format!("XTENSION= 'IMAGE   '\n{}", cube.split_once('\n').unwrap().1);
     let empty = "SIMPLE  =                    T\nBITPIX  =                    8\nNAXIS   =                    0";
+    let wide = cube.replace("                  16\n", "                  64\n") + "\nBZERO   =  9223372036854775808";
+    let unsigned: Vec<u64> =
+        values().into_iter().map(|value| (7_u64 << 60) + u64::from(value.unsigned_abs())).collect();
+    let lowered: Vec<u8> = unsigned.iter().flat_map(|value| (*value ^ (1_u64 << 63)).to_be_bytes()).collect();
     let unspaced = |case: Case| Case { spacing: None, ..case };
     vec![
         volume("points.vtk", vtk("BINARY", points, &big())),
@@ -158,6 +162,11 @@ pub fn every() -> Vec<Case> {
         volume("rawzlib.vti", vti(zlib, at, b"", &appended("raw", &[sizes, packed].concat()))),
         unspaced(volume("cube.fits", fits(cube, &big()))),
         unspaced(volume("second.fits", [fits(empty, b""), fits(&extension, &big())].concat())),
+        unspaced(Case {
+            sample_type: SampleType::U64,
+            samples: unsigned.into_iter().flat_map(u64::to_ne_bytes).collect(),
+            ..volume("unsigned.fits", fits(&wide, &lowered))
+        }),
         unspaced(volume("stack.tif", tiff(&[5; 4], &big()))),
         Case {
             shape: vec![6, 5],

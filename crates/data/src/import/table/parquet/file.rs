@@ -8,6 +8,7 @@ use super::values::StoredColumn;
 use crate::import::ImportError;
 use crate::import::bytes::RangeFile;
 use crate::import::table::columns::{Column, shown};
+use crate::import::table::masked::names_mask;
 use crate::import::unpacking::unpacked;
 use crate::model::ReadMethod;
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData, ParquetMetaDataReader};
@@ -38,6 +39,8 @@ pub(super) struct Contents {
     pub stored: Vec<StoredColumn>,
     /// Names of the columns that hold no numbers.
     pub left_out: Vec<String>,
+    /// Whether some of its columns are masks of others.
+    pub has_masks: bool,
     /// Its groups of rows.
     pub groups: Vec<Group>,
 }
@@ -90,7 +93,9 @@ impl Contents {
     /// `end` is the byte behind the rows.
     fn of(path: &Path, length: u64, end: u64, footer: &ParquetMetaData) -> Result<Contents, ImportError> {
         let about = footer.file_metadata();
-        let units = units(path, about.key_value_metadata().map(Vec::as_slice).unwrap_or_default());
+        let texts = about.key_value_metadata().map(Vec::as_slice).unwrap_or_default();
+        let units = units(path, texts);
+        let has_masks = texts.iter().any(|text| text.value.as_deref().is_some_and(names_mask));
         let (mut columns, mut stored, mut places) = (Vec::new(), Vec::new(), Vec::new());
         let mut left_out: Vec<String> = Vec::new();
         for (place, column) in about.schema_descr().columns().iter().enumerate() {
@@ -106,7 +111,8 @@ impl Contents {
                 None => left_out.push(name.to_owned()),
             }
         }
-        let mut contents = Contents { length, unpacked: None, columns, stored, left_out, groups: Vec::new() };
+        let mut contents =
+            Contents { length, unpacked: None, columns, stored, left_out, has_masks, groups: Vec::new() };
         let mut total = 0_u64;
         for (number, group) in footer.row_groups().iter().enumerate() {
             let rows = u64::try_from(group.num_rows()).unwrap_or(u64::MAX);

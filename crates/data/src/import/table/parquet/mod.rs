@@ -11,6 +11,7 @@ mod values;
 
 use super::catalogue::Catalogue;
 use super::columns::{Column, Opened, Table, left_out_note, shown};
+use super::masked::unmasked;
 use super::sky;
 use crate::import::guarded::guarded;
 use crate::import::{Format, ImportError, Source};
@@ -69,7 +70,7 @@ pub(super) fn together(files: &[PathBuf]) -> Result<Opened, ImportError> {
     let mut columns: Vec<Column> = Vec::new();
     let mut left_out: Vec<String> = Vec::new();
     let mut table = Rows { columns: Vec::new(), files: Vec::new(), groups: Vec::new(), rows: 0 };
-    let (mut bytes, mut is_kept) = (0_u64, Vec::new());
+    let (mut bytes, mut is_kept, mut has_masks) = (0_u64, Vec::new(), false);
     for (batch, paths) in files.chunks(BATCH).enumerate() {
         let read: Vec<Result<Contents, ImportError>> = paths.par_iter().map(|path| Contents::read(path)).collect();
         for (number, (path, contents)) in paths.iter().zip(read).enumerate() {
@@ -82,6 +83,7 @@ pub(super) fn together(files: &[PathBuf]) -> Result<Opened, ImportError> {
             let places = places(path, &columns, &contents.columns)?;
             is_kept.iter_mut().zip(&places).for_each(|(is_kept, place)| *is_kept &= place.is_some());
             bytes = bytes.saturating_add(contents.length);
+            has_masks |= contents.has_masks;
             table.push(path, contents, &places);
         }
     }
@@ -89,7 +91,9 @@ pub(super) fn together(files: &[PathBuf]) -> Result<Opened, ImportError> {
     left_out.extend(dropped.map(|(column, _)| column.name.clone()));
     table.keep(&columns, &is_kept);
     let notes = left_out_note(&left_out).into_iter().collect();
-    Ok(Opened { table: Box::new(table), format: "parquet", bytes, notes })
+    let table: Box<dyn Table> = Box::new(table);
+    let table = if has_masks { unmasked(table) } else { table };
+    Ok(Opened { table, format: "parquet", bytes, notes })
 }
 
 /// Where the columns of the first file are among those of another.

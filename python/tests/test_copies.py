@@ -1,0 +1,56 @@
+"""Copies of objects, those that other processes get, and data that is looked at from another folder."""
+
+import copy
+import os
+import pickle
+
+import numpy as np
+
+import deepfield
+from test_deepfield import ABOVE, WithFolder, particles
+
+
+class Copies(WithFolder):
+    def setUp(self):
+        super().setUp()
+        self.data = deepfield.build(particles(300), self.folder / "box.df")
+
+    def copies(self, whole):
+        return copy.copy(whole), copy.deepcopy(whole), pickle.loads(pickle.dumps(whole))
+
+    def test_data_is_opened_again(self):
+        for again in self.copies(self.data):
+            self.assertEqual((again.count, again.paths), (300, self.data.paths))
+            self.assertEqual(again.probe(sphere=(0.5, 0.5, 0.5, 0.3)), self.data.probe(sphere=(0.5, 0.5, 0.5, 0.3)))
+
+    def test_data_is_the_same_from_another_folder(self):
+        self.addCleanup(os.chdir, os.getcwd())
+        os.chdir(self.folder)
+        data = deepfield.open("box.df")
+        (self.folder / "other").mkdir()
+        os.chdir("other")
+        self.assertEqual(data.probe()["count"], 300)
+        self.assertEqual(pickle.loads(pickle.dumps(data)).count, 300)
+
+    def test_pictures_keep_numbers_and_files(self):
+        picture = self.data.render(ABOVE, (60, 40), "column-density", attribute="temperature")
+        for again in self.copies(picture):
+            self.assertEqual((again.png(), again.about, again.units), (picture.png(), picture.about, picture.units))
+            np.testing.assert_array_equal(again.channels["S"], picture.channels["S"])
+        apart = pickle.loads(pickle.dumps(picture))
+        before = picture.png()
+        # Its arrays are its own, and still those that files are made of.
+        apart.rgba[...] = 255
+        self.assertEqual(picture.png(), before)
+        self.assertNotEqual(apart.png(), before)
+
+    def test_tables_questions_and_texts(self):
+        table = self.data.select(fields=["x", "temperature"])
+        for again in self.copies(table):
+            self.assertEqual((again.columns, again.units), (table.columns, table.units))
+            np.testing.assert_array_equal(again["x"], table["x"])
+        scene = deepfield.Scene(self.data, mode="points")
+        for again in self.copies(scene):
+            self.assertEqual(again, scene)
+        probe = pickle.loads(pickle.dumps(self.data.probe()))
+        self.assertEqual(probe.table["count"].tolist(), [300])

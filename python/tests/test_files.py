@@ -1,0 +1,93 @@
+"""What is written to files: as a whole or not at all, and over nothing that was read."""
+
+import unittest
+import unittest.mock
+
+import numpy as np
+
+import deepfield
+from test_deepfield import ABOVE, WithFolder, particles
+
+
+class Written(WithFolder):
+    def test_texts_are_written_over_texts_alone(self):
+        box, camera = self.folder / "box.df", deepfield.Camera(eye=(0.0, 0.0, 9.0))
+        data = deepfield.build(particles(200), box)
+        scene = deepfield.Scene(data, mode="points")
+        colors = deepfield.TransferFunction(color_map="viridis")
+        before, table = box.read_bytes(), self.folder / "table.csv"
+        table.write_text("x,y,z\n1,2,3\n")
+        for text in (camera, scene, colors):
+            for path in (box, table):
+                self.refused("cannot be written: found a file that is no text in RON", text.write, path)
+            self.refused("absent.*: cannot be written: ", text.write, self.folder / "absent" / "x.ron")
+        self.assertEqual((box.read_bytes(), table.read_text()), (before, "x,y,z\n1,2,3\n"))
+        own, link = self.folder / "with blanks ä.ron", self.folder / "link.ron"
+        scene.write(own)
+        link.symlink_to(own)
+        camera.write(link)
+        self.assertEqual((deepfield.Camera.read(own), link.is_symlink()), (camera, True))
+
+    def test_scenes_that_are_written_elsewhere_find_their_files(self):
+        here, there = self.folder / "here", self.folder / "there"
+        here.mkdir()
+        there.mkdir()
+        data = deepfield.build(particles(200), here / "box.df")
+        own = here / "own.scene.ron"
+        own.write_text('// mine\n(version: 2, datasets: [(path: "box.df")], mode: "points", labels: "names.csv")\n')
+        scene = deepfield.Scene.read(own)
+        scene.write(here / "again.scene.ron")
+        self.assertEqual((here / "again.scene.ron").read_text(), own.read_text())
+        scene.write(there / "other.scene.ron")
+        for moved in (deepfield.Scene.read(there / "other.scene.ron"), scene.replace(size=(30, 20))):
+            self.assertEqual([moved.datasets[0]["path"], moved.labels], [str(here / "box.df"), str(here / "names.csv")])
+            self.assertEqual(moved.mode, "points")
+        # Those that have no file of their own are from where they are.
+        self.assertEqual(deepfield.Scene.from_ron(own.read_text()).replace(mode="volume").datasets[0]["path"], "box.df")
+        self.assertEqual(data.render(scene=scene.replace(labels=None, size=(30, 20))).size, (30, 20))
+
+    def test_what_is_no_text_is_told(self):
+        deepfield.build(particles(200), self.folder / "box.df")
+        for read in (deepfield.Camera.read, deepfield.Scene.read, deepfield.Tour.read, deepfield.TransferFunction.read):
+            self.refused("box.df: found bytes that are no text", read, self.folder / "box.df")
+
+    def test_a_picture_is_not_written_over_what_it_is_of(self):
+        photo = self.folder / "photo.png"
+        deepfield.build(particles(200), self.folder / "box.df").render(ABOVE, (40, 30)).save(photo)
+        before = photo.read_bytes()
+        image = deepfield.open(photo)
+        # Of the image, and of a file that was built of it.
+        for data in (image, deepfield.build(photo, self.folder / "photo.df")):
+            picture = data.render(size=(20, 15))
+            for name in (photo, self.folder / "." / "photo.png"):
+                self.refused("photo.png: cannot be written: found a file that is read", picture.save, name)
+            picture.save(self.folder / "other.PNG")
+        self.assertEqual(photo.read_bytes(), before)
+
+    def test_a_picture_is_not_written_over_a_slice(self):
+        slices = self.folder / "slices"
+        slices.mkdir()
+        picture = deepfield.build(particles(200), self.folder / "box.df").render(ABOVE, (20, 16))
+        for number in range(4):
+            picture.save(slices / f"slice_{number}.png")
+        volume = deepfield.open(slices)
+        self.assertEqual(volume.kind, "volume")
+        drawn = volume.render(size=(20, 15))
+        self.refused("slice_2.png: cannot be written: found a file that is read", drawn.save, slices / "slice_2.png")
+        drawn.save(slices.parent / "slice_2.png")
+
+    def test_numbers_that_could_not_be_written_leave_those_before(self):
+        picture = deepfield.build(particles(200), self.folder / "box.df").render(ABOVE, (40, 30))
+        numbers = self.folder / "numbers.npz"
+        picture.save(numbers)
+        before = numbers.read_bytes()
+
+        def full(file, **channels):
+            file.write(b"half")
+            raise OSError(28, "No space left on device")
+
+        with unittest.mock.patch.object(np, "savez", full):
+            self.refused("numbers.npz: cannot be written: No space left", picture.save, numbers)
+        self.assertEqual(numbers.read_bytes(), before)
+        self.assertEqual([path.name for path in self.folder.glob(".deepfield-*")], [])
+        np.testing.assert_array_equal(np.load(numbers)["P"], picture.channels["P"])
