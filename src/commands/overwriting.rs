@@ -25,7 +25,8 @@ pub(super) fn named_to_read(matches: &ArgMatches, written: &[&str]) -> Vec<PathB
             let named = of_type::<String>(matches, id).filter_map(|named| named.rsplit_once('#'));
             files.extend(named.map(|(file, _)| PathBuf::from(file)));
         }
-        let texts = files.iter().filter(|file| id == "tour" || is_scene_file(file));
+        // Reading a pipe would take from it.
+        let texts = files.iter().filter(|file| (id == "tour" || is_scene_file(file)) && file.is_file());
         let within: Vec<PathBuf> = texts.flat_map(|file| named_within(file)).collect();
         files.extend(within);
         files
@@ -49,7 +50,8 @@ fn of_type<'a, T: Clone + Send + Sync + 'static>(matches: &'a ArgMatches, id: &s
 /// # Errors
 /// [`StoreError`] where the file cannot be read.
 fn made_of(built: &Path) -> Result<Vec<PathBuf>, StoreError> {
-    if is_url(built) {
+    // Reading a pipe would take from it.
+    if is_url(built) || !built.is_file() {
         return Ok(Vec::new());
     }
     let method = ReadMethod::default();
@@ -91,9 +93,13 @@ pub(super) fn is_one_of(written: &Path, read: &[PathBuf]) -> bool {
         return false;
     }
     let named = read.iter().flat_map(|path| sources_of(std::slice::from_ref(path)).unwrap_or_default());
-    let sources = named.chain(read.iter().flat_map(|path| made_of(path).unwrap_or_default()));
-    sources.filter(|source| is_near(file_of_step(source), &place)).any(|source| {
-        is_it(file_of_step(&source)) || files_of(&source).unwrap_or_default().iter().any(|file| is_it(file))
+    // To ask what belongs to a compressed file is to unpack it, which nobody else does to whom its name says enough.
+    let is_packed = |source: &Path| source.extension().is_some_and(|ending| ending == "gz" || ending == "zst");
+    let built = read.iter().flat_map(|path| made_of(path).unwrap_or_default());
+    let of_built = built.map(|source| (!is_packed(file_of_step(&source)), source));
+    let sources = named.map(|source| (true, source)).chain(of_built);
+    sources.filter(|(_, source)| is_near(file_of_step(source), &place)).any(|(asks, source)| {
+        is_it(file_of_step(&source)) || asks && files_of(&source).unwrap_or_default().iter().any(|file| is_it(file))
     })
 }
 

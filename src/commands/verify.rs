@@ -47,7 +47,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         }
         return Ok(());
     }
-    if arguments.sources && arguments.path.exists() {
+    if arguments.sources && DataKind::of(&arguments.path).is_ok() {
         return Err(format!("{path}: --sources: found no run, expected one").into());
     }
     if let Ok(DataKind::Heights) = DataKind::of(&arguments.path) {

@@ -146,8 +146,12 @@ fn begin(
         }
         None => {
             // Frames of another, longer recording would seem to be the end of this one. Other parts of this one stay.
-            let before = Manifest::read(folder).ok().flatten();
-            if before.is_some_and(|before| before.difference(&now, show.memory()).is_some()) {
+            let is_other = match Manifest::read(folder) {
+                Ok(before) => before.is_some_and(|before| before.difference(&now, show.memory()).is_some()),
+                // What cannot be read is not this one.
+                Err(_) => true,
+            };
+            if is_other {
                 journal.remove_files()?;
             } else {
                 journal.clear()?;

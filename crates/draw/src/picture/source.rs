@@ -2,7 +2,7 @@
 
 use super::error::PictureError;
 use super::session::Reporter;
-use crate::explore::data::source_path;
+use crate::explore::data::{open_source, source_path};
 use crate::import::{AttributeChoice, LoadOptions, derivable, load_source, open};
 use crate::look::{DataKind, LookPatch, Member};
 use crate::model::{Bounds, Dataset, FamilyName, Moment, ReadMethod, When};
@@ -118,11 +118,14 @@ fn source_of(path: &Path, time: Option<When>, reporter: &dyn Reporter) -> Result
             run.still(moment.step)?
         }
     };
-    source_path(&file).ok_or_else(|| {
+    let found = source_path(&file).ok_or_else(|| {
         let source = file.metadata().provenance.path.display();
         let why = format!("--exact draws the source {source}, which is not there any more; name the source instead");
         PictureError::of(path, why)
-    })
+    })?;
+    // Another file of its name is of another size.
+    open_source(&found, &file)?;
+    Ok(found)
 }
 
 /// The box that a picture of all these particles is framed by.

@@ -65,7 +65,9 @@ fn attribute_ends(families: &[FamilyMetadata], name: &str) -> Option<[f64; 2]> {
 pub fn units_and_ends(session: &mut AnySession, drawn: &Picture) -> (Option<Units>, Option<[f64; 2]>) {
     let known = session.particles().map(|session| {
         let metadata = session.tree().metadata();
-        let ends = drawn.attribute().and_then(|name| attribute_ends(&metadata.families, name));
+        // Between its steps a run knows those of a few steps alone.
+        let name = drawn.attribute().filter(|_| session.run().is_none());
+        let ends = name.and_then(|name| attribute_ends(&metadata.families, name));
         (Units::of(metadata, &drawn.annotation.depiction), ends)
     });
     let (units, ends) = known.unzip();
