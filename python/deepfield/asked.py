@@ -81,7 +81,7 @@ def number(name, value, least=-math.inf):
         return None
     try:
         found = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = math.nan
     if not least < found < math.inf:
         raise Error(f"{name}: found {value!r}, expected a number" + (f" greater than {least}" if least > -math.inf else ""))

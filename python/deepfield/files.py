@@ -48,7 +48,7 @@ def _is_ron(path):
             start = file.read(4096).lstrip()
     except OSError as error:
         raise Error(f"{path}: {error.strerror}") from None
-    return b"\0" not in start and (not start or start.startswith((b"(", b"//", b"/*", b"#!")))
+    return b"\0" not in start and (not start or start.startswith((b"(", b"//", b"/*", b"#![")))
 
 
 def refuse(path, sources):

@@ -8,7 +8,7 @@ from . import _deepfield, asked, files, notes, progress as progresses
 
 
 # Fields that name files.
-_PATHS = ("path", "before", "dataset", "labels")
+_PATHS = ("path", "before", "dataset", "labels", "texture")
 
 
 def _placed(value, folder, field=None):
@@ -17,7 +17,9 @@ def _placed(value, folder, field=None):
         return {name: _placed(one, folder, name) for name, one in value.items()}
     if isinstance(value, list):
         return [_placed(one, folder, field) for one in value]
-    return files.whole_path(value, folder) if field in _PATHS and isinstance(value, str) else value
+    # An object of a catalogue is named behind its file.
+    is_file = isinstance(value, str) and (field in _PATHS or field == "object" and "#" in value)
+    return files.whole_path(value, folder) if is_file else value
 
 
 class _Text:
@@ -50,7 +52,7 @@ class _Text:
         """Reads a file."""
         path = os.fspath(path)
         made = cls.from_ron(files.read(path), path)
-        made.path = path
+        made.path = files.whole_path(path)
         return made
 
     def write(self, path):
