@@ -51,7 +51,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 data = deepfield.open(sys.argv[1])
 try:
     threading.Thread(target=interrupt, daemon=True).start()
-    deepfield.Tour.around(seconds=60.0).render(data, frames, (3200, 3200), 30)
+    deepfield.Tour.around(seconds=60.0).render(data, frames, (2000, 2000), 30)
 except KeyboardInterrupt:
     print("interrupted")
 """
