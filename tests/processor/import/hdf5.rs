@@ -416,6 +416,10 @@ fn columns_mean_what_their_attributes_say() {
     file.attribute("warmth", "scale_factor", Values::F64(vec![0.5]));
     file.attribute("warmth", "add_offset", Values::F64(vec![100.0]));
     file.attribute("warmth", "units", Values::Text("K"));
+    // More than a double tells apart, whatever stands for none.
+    let ids = vec![7, (1 << 60) + 1, 9];
+    file.dataset("", "ID", 1, Values::U64(ids.clone()));
+    file.attribute("ID", "_FillValue", Values::U64(vec![u64::MAX]));
     file.dataset("", "obs", 1, Values::F64(vec![0.0; 3]));
     file.attribute("obs", "NAME", Values::Text("This is a netCDF dimension but not a netCDF variable.         3"));
     file.write(&path);
@@ -425,6 +429,9 @@ fn columns_mean_what_their_attributes_say() {
     assert_eq!(unit(&*source, 0, "warmth"), "K");
     let warmth = read_all(&*source, 0, "warmth", 2);
     assert!(warmth[0] == 105.0 && warmth[1].is_nan() && warmth[2] == 115.0, "{warmth:?}");
+    let mut found = vec![0; 3];
+    source.read_ids(0, about.families[0].find(FieldKind::Id).unwrap(), 0..3, &mut found).unwrap();
+    assert_eq!(found, ids);
 }
 
 #[test]

@@ -4,27 +4,27 @@ use super::file_of_step;
 use std::path::{Path, PathBuf};
 
 /// The source `named`, of `bytes`, of which the file at `built` was made: under that name, from here or, where it is relative, from the folder
-/// of `built` or one above it, where builds are begun; else the file of its own name beside `built`, if it has that size. `None` where there is
-/// none of these.
+/// of `built` or one above it, where builds are begun; or the file of its own name beside `built`. The first that has that size, else the first of
+/// that name but for the one beside. `None` where there is none of these.
 pub fn find_source(named: &Path, built: &Path, bytes: u64) -> Option<PathBuf> {
     let is_there = |path: &Path| {
         let file = file_of_step(path);
         file.is_file() || file.is_dir()
     };
-    if is_there(named) {
-        return Some(named.to_owned());
-    }
-    let name = named.file_name()?;
+    let Some(name) = named.file_name() else { return Some(named.to_owned()).filter(|named| is_there(named)) };
     let built = std::path::absolute(built).ok()?;
     let folder = built.parent()?;
-    let mut above = folder.ancestors().filter(|_| named.is_relative()).map(|folder| folder.join(named));
+    let above = folder.ancestors().filter(|_| named.is_relative()).map(|folder| folder.join(named));
+    let all: Vec<PathBuf> = std::iter::once(named.to_owned()).chain(above).collect();
     // Of another folder: many runs call their files alike.
     let has_size = |path: &PathBuf| {
         let about = file_of_step(path).metadata();
         about.is_ok_and(|about| about.is_file() && about.len() == bytes)
     };
     let beside = || Some(folder.join(name)).filter(has_size);
-    above.find(|path| is_there(path)).or_else(beside)
+    // Of a source in several files none has the size of all.
+    let other = || all.iter().find(|path| is_there(path)).cloned();
+    all.iter().find(|path| has_size(path)).cloned().or_else(beside).or_else(other)
 }
 
 #[cfg(test)]
@@ -51,5 +51,11 @@ mod tests {
         assert_eq!(find_source(&whole, &moved, 6), None);
         assert_eq!(find_source(Path::new("in/deep/snap.csv"), &at("out/a.df"), 5), None);
         assert_eq!(find_source(Path::new(""), &moved, 5), None);
+        // One of its size goes before another of its name.
+        std::fs::write(&whole, "another").unwrap();
+        std::fs::write(at("out/snap.csv"), "12345").unwrap();
+        let [named, built] = [Path::new("in/deep/snap.csv"), &at("out/a.df")];
+        assert_eq!(find_source(named, built, 5), Some(at("out/snap.csv")));
+        assert_eq!(find_source(named, built, 6), Some(whole));
     }
 }

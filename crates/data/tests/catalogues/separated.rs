@@ -42,6 +42,14 @@ fn tables_of_other_programs_hold_what_they_say() {
 }
 
 #[test]
+fn names_in_a_comment_are_those_of_a_row_in_which_all_is_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = b"#name,x,y,z,a\nA,nan,nan,nan,nan\nB,1,2,3,5\n";
+    let source = open(&file(folder.path(), "table", text)).unwrap();
+    assert_same(&values(&*source, "a"), [f64::NAN, 5.0].into_iter(), "a");
+}
+
+#[test]
 fn columns_that_are_left_out_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let header = "# %ECSV 1.0\n# datatype:\n# - {name: x, datatype: float64}\n# - {name: y, datatype: float64}\n\

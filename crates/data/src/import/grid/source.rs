@@ -7,7 +7,7 @@ use crate::model::{Grid, Region};
 use std::path::{Path, PathBuf};
 
 /// The most channels of a sample that are read.
-const MOST_CHANNELS: usize = 4096;
+pub(super) const MOST_CHANNELS: usize = 4096;
 
 /// What an opened grid says about itself.
 #[derive(Clone, Debug, PartialEq)]

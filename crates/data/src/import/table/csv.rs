@@ -90,7 +90,8 @@ impl Beginning {
             let as_many = named.clone().find(|comment| values(comment) == values(first));
             as_many.or_else(|| named.next().filter(|_| !are_names(first)))
         } else {
-            None
+            // A row in which all is missing has neither numbers nor names.
+            named.find(|comment| values(first) > 1 && values(comment) == values(first)).filter(|_| !are_names(first))
         };
         Ok(match named {
             Some(names) => Beginning { names: names.clone(), lines, row },
@@ -104,7 +105,7 @@ fn are_names(line: &str) -> bool {
     let (mut fields, mut named) = (0, 0);
     for name in line.split(delimiter(line)).map(str::trim) {
         fields += 1;
-        named += usize::from(number(name).is_none() && name.len() < 64);
+        named += usize::from(!name.is_empty() && number(name).is_none() && name.len() < 64);
     }
     fields >= 2 && 2 * named >= fields
 }

@@ -115,13 +115,18 @@ impl Table for Columns {
 
     fn read_whole(&self, column: usize, rows: Range<u64>, out: &mut [Option<u64>]) -> Result<bool, ImportError> {
         let (stored, meaning) = (&self.stored[column], &self.meanings[column]);
-        if !stored.is_whole() || meaning.no_data.is_some() || meaning.scale != Scale::NONE {
+        if !stored.is_whole() || meaning.scale != Scale::NONE {
             return Ok(false);
+        }
+        let mut meant = vec![0.0; out.len()];
+        if meaning.no_data.is_some() {
+            self.read(column, rows.clone(), &mut meant)?;
         }
         // Of those below 0 the sign is a bit like others, as in snapshots: ids are often written with the wrong one.
         let mut numbers = vec![0; out.len()];
         stored.read_whole(rows, &mut numbers)?;
-        out.iter_mut().zip(numbers).for_each(|(out, number)| *out = Some(number));
+        let all = out.iter_mut().zip(numbers).zip(meant);
+        all.for_each(|((out, number), meant)| *out = (!meant.is_nan()).then_some(number));
         Ok(true)
     }
 }

@@ -1,6 +1,7 @@
 //! What OME and ImageJ write into a first page's description: how far pixels and slices are apart, and which pages are channels.
 
 use super::super::layout::PLANAR;
+use super::super::source::MOST_CHANNELS;
 use crate::model::{Channel, Grid, Unit};
 use glam::{DAffine3, DVec3};
 use std::io::{Read, Seek};
@@ -83,13 +84,14 @@ impl Stack {
     }
 
     /// So many pages like `one` as an image or a volume, and the order of their axes in the file where pages are channels; `None` where the counts
-    /// are not those of the pages, or there are several times.
+    /// are not those of the pages, or there are several times, or more channels than a sample may have.
     pub(super) fn arranged(&self, one: &Grid, pages: u64) -> Option<(Grid, Option<[usize; 4]>)> {
         let samples = one.channels.len() as u64;
         let [channels, slices, times] = self.counts;
         // Values that are side by side in a page are channels, too.
         let channels = if samples > 1 && channels == samples { 1 } else { channels };
-        if times != 1 || channels.checked_mul(slices) != Some(pages) || samples > 1 && channels > 1 {
+        let are_too_many = samples > 1 && channels > 1 || channels > MOST_CHANNELS as u64;
+        if times != 1 || channels.checked_mul(slices) != Some(pages) || are_too_many {
             return None;
         }
         let own = if channels == 1 { one.channels.clone() } else { self.channels(channels) };
