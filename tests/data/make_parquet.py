@@ -1,5 +1,5 @@
-"""Writes `table.parquet`, 60 rows of columns of many types in three groups, `masked.parquet`, three rows with masks as astropy says them, and
-`hats`, a catalogue of two partitions, with pyarrow, which has nothing in common with the reader of the tests. What is in them, `crates/data/tests/catalogues/parquet.rs` says again."""
+"""Writes `table.parquet`, 60 rows of columns of many types in three groups, `masked.parquet`, three rows with masks as astropy says them,
+`unmasked.parquet`, the same without masks, and `hats`, a catalogue of two partitions, with pyarrow, which has nothing in common with the reader of the tests. What is in them, `crates/data/tests/catalogues/parquet.rs` says again."""
 
 import decimal
 import os
@@ -97,3 +97,5 @@ yaml = """meta: !!omap
       mask: !astropy.table.SerializedColumn {name: level.mask}
 """
 pq.write_table(masked.replace_schema_metadata({"table_meta_yaml": yaml}), "masked.parquet")
+# The same where nothing is hidden: one without masks.
+pq.write_table(masked.drop_columns(["id.mask", "level.mask"]), "unmasked.parquet")

@@ -56,6 +56,27 @@ fn what_masks_of_astropy_hide_is_missing() {
         let told = "id is no id, as it is not a whole number in every row";
         assert!(about.notes.iter().any(|note| note == told), "{:?}", about.notes);
     }
+    // Parts in which nothing is hidden have no masks, be they the first or not.
+    let plain = "# %ECSV 1.0\n# datatype:\n# - {name: id, datatype: int64}\n# - {name: x, datatype: float64}\n\
+        # - {name: y, datatype: float64}\n# - {name: z, datatype: float64}\n# - {name: level, datatype: int16}\n\
+        # - {name: own.mask, datatype: bool}\n\
+        id x y z level own.mask\n4 1 1 1 7 True\n1152921504606846977 2 2 2 99 False\n6 3 3 3 9 True\n";
+    let whole = [("parquet", bytes_of("unmasked.parquet")), ("ecsv", plain.into())];
+    let hidden = [("parquet", bytes_of("masked.parquet")), ("ecsv", ecsv.into())];
+    for ((ending, whole), (_, hidden)) in whole.into_iter().zip(hidden) {
+        for order in ["ab", "ba"] {
+            let folder = tempfile::tempdir().unwrap();
+            for (name, bytes) in order.chars().zip([&hidden, &whole]) {
+                file(folder.path(), &format!("{name}.{ending}"), bytes);
+            }
+            let source = open(folder.path()).unwrap();
+            let masked = [7.0, f64::NAN, 9.0];
+            let all = if order == "ab" { [masked, [7.0, 99.0, 9.0]] } else { [[7.0, 99.0, 9.0], masked] };
+            assert_same(&values(&*source, "level"), all.into_iter().flatten(), "level");
+            assert_same(&values(&*source, "own.mask"), [1.0, 0.0, 1.0, 1.0, 0.0, 1.0].into_iter(), "own.mask");
+            assert_eq!(source.description().families[0].fields.len(), 4, "{order} {ending}");
+        }
+    }
     assert!(refused(&file(folder.path(), "cut.parquet", &bytes_of("masked.parquet")[..200])).contains("PAR1"));
 }
 

@@ -13,15 +13,24 @@ pub(super) fn names_mask(line: &str) -> bool {
     line.contains("mask: !astropy.table.SerializedColumn")
 }
 
+/// Which of all columns has a mask in this one, where it may be a mask at all.
+pub(super) fn masked_by(mask: &Column, all: &[Column]) -> Option<usize> {
+    let name = mask.name.strip_suffix(ENDING).filter(|_| mask.components == 1)?;
+    all.iter().position(|column| column.name == name)
+}
+
+/// The columns that are no masks of others.
+pub(super) fn without_masks(all: &[Column]) -> Vec<Column> {
+    all.iter().filter(|column| masked_by(column, all).is_none()).cloned().collect()
+}
+
 /// The table without its masks: what these hide is missing.
 pub(super) fn unmasked(table: Box<dyn Table>) -> Box<dyn Table> {
     let all = table.columns();
-    let is_mask_of = |mask: &Column, column: &Column| {
-        mask.components == 1 && mask.name.strip_suffix(ENDING).is_some_and(|name| name == column.name)
-    };
-    let own = |at: &usize| !all.iter().any(|column| is_mask_of(&all[*at], column));
+    let masked: Vec<Option<usize>> = all.iter().map(|column| masked_by(column, all)).collect();
+    let own = (0..all.len()).filter(|at| masked[*at].is_none());
     let places: Vec<(usize, Option<usize>)> =
-        (0..all.len()).filter(own).map(|at| (at, all.iter().position(|mask| is_mask_of(mask, &all[at])))).collect();
+        own.map(|at| (at, masked.iter().position(|column| *column == Some(at)))).collect();
     let columns = places.iter().map(|(at, _)| all[*at].clone()).collect();
     Box::new(Unmasked { table, columns, places })
 }

@@ -1,7 +1,7 @@
 //! Rows of values that something separates, behind a header: what CSV, ECSV and ASCII tables have in common.
 
 use super::columns::{Column, Opened, Table, left_out_note, number, shown};
-use super::masked::unmasked;
+use super::masked::{unmasked, without_masks};
 use super::records::{Delimiter, Records};
 use super::store::{Store, StoreWriter};
 use super::{ids, sky, text};
@@ -45,12 +45,13 @@ pub(super) fn open<F: Separated>(path: &Path, _: ReadMethod) -> Result<Opened, I
     Ok(Opened { table, format: F::NAME, bytes, notes })
 }
 
-/// The columns of a table, numbers or not.
+/// The columns of a table, numbers or not, without masks.
 ///
 /// # Errors
 /// As [`Separated::heading`].
 pub(super) fn columns<F: Separated>(path: &Path) -> Result<Vec<Column>, ImportError> {
-    Ok(F::heading(path, &mut *text::open(path)?.0)?.columns)
+    let Heading { columns, has_masks, .. } = F::heading(path, &mut *text::open(path)?.0)?;
+    Ok(if has_masks { without_masks(&columns) } else { columns })
 }
 
 /// What stands before the rows.

@@ -11,7 +11,7 @@ mod values;
 
 use super::catalogue::Catalogue;
 use super::columns::{Column, Opened, Table, left_out_note, shown};
-use super::masked::unmasked;
+use super::masked::{masked_by, unmasked, without_masks};
 use super::sky;
 use crate::import::guarded::guarded;
 use crate::import::{Format, ImportError, Source};
@@ -54,15 +54,17 @@ pub(super) fn open(path: &Path, _: ReadMethod) -> Result<Opened, ImportError> {
     together(&[path.to_owned()])
 }
 
-/// The columns of numbers of a table.
+/// The columns of numbers of a table, without masks.
 ///
 /// # Errors
 /// As [`open`].
 pub(super) fn columns(path: &Path) -> Result<Vec<Column>, ImportError> {
-    Ok(Contents::read(path)?.columns)
+    let Contents { columns, has_masks, .. } = Contents::read(path)?;
+    Ok(if has_masks { without_masks(&columns) } else { columns })
 }
 
-/// Opens the rows of all files, one file after the other. What is no column of numbers in some file is left out.
+/// Opens the rows of all files, one file after the other. What is no column of numbers in some file is left out, but for masks: files in
+/// which nothing is hidden have none.
 ///
 /// # Errors
 /// As [`open`], and where a file lacks a column that positions need, or has another unit.
@@ -80,11 +82,24 @@ pub(super) fn together(files: &[PathBuf]) -> Result<Opened, ImportError> {
                 left_out.clone_from(&contents.left_out);
                 is_kept = vec![true; columns.len()];
             }
+            if contents.has_masks {
+                has_masks = true;
+                let is_known = |own: &Column| columns.iter().any(|column| column.name == own.name);
+                let is_new = |own: &&Column| masked_by(own, &columns).is_some() && !is_known(own);
+                let masks: Vec<Column> = contents.columns.iter().filter(is_new).cloned().collect();
+                is_kept.resize(is_kept.len() + masks.len(), true);
+                columns.extend(masks);
+                table.widen(columns.len());
+            }
             let places = places(path, &columns, &contents.columns)?;
             is_kept.iter_mut().zip(&places).for_each(|(is_kept, place)| *is_kept &= place.is_some());
             bytes = bytes.saturating_add(contents.length);
-            has_masks |= contents.has_masks;
             table.push(path, contents, &places);
+        }
+    }
+    if has_masks {
+        for (mask, column) in (0..columns.len()).filter_map(|at| Some((at, masked_by(&columns[at], &columns)?))) {
+            is_kept[mask] = is_kept[column];
         }
     }
     let dropped = columns.iter().zip(&is_kept).filter(|(_, is_kept)| !**is_kept);
@@ -170,7 +185,13 @@ impl Rows {
         self.files.push(PartFile { path: path.into(), unpacked: unpacked.map(Mutex::new), length, stored });
     }
 
-    /// Leaves out columns that some file lacks.
+    /// Makes room for `columns` in all; those that are new are in no file so far.
+    fn widen(&mut self, columns: usize) {
+        self.files.iter_mut().for_each(|file| file.stored.resize(columns, None));
+        self.groups.iter_mut().for_each(|group| group.chunks.resize(columns, None));
+    }
+
+    /// Leaves out columns that are not kept.
     fn keep(&mut self, columns: &[Column], is_kept: &[bool]) {
         self.columns = kept(columns, is_kept);
         for file in &mut self.files {
@@ -194,7 +215,7 @@ impl Rows {
             let start = (group.first + own.start - rows.start) as usize;
             let part = start..start + (own.end - own.start) as usize;
             let PartFile { path, unpacked, length, stored } = &self.files[group.file];
-            // Every file has the columns that are kept.
+            // Every file has the columns that are kept, but for masks.
             let (Some(chunk), Some(stored)) = (group.chunks[column], &stored[column]) else { continue };
             let (unpacked, length) = (unpacked.as_ref(), *length);
             read(Reading { path, unpacked, length, column: stored, chunk, rows: group.rows }, own, part)?;
@@ -218,6 +239,8 @@ impl Table for Rows {
     }
 
     fn read(&self, column: usize, rows: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
+        // What a mask says of the rows of a file without it.
+        out.fill(0.0);
         self.each(column, rows, |reading, rows, part| {
             reading.read(rows, out.get_mut(part).unwrap_or_default(), StoredColumn::numbers)
         })
