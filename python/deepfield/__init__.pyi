@@ -216,6 +216,7 @@ class Data:
     steps: NDArray[np.float64] | None
     notes: list[str]
     modes: list[str]
+    attributes: list[str]
     families: dict[str, Family]
     def render(
         self,

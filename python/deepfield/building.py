@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping
 
-from . import _deepfield, asked, columns, dataset, notes, others, progress as progresses
+from . import _deepfield, asked, columns, dataset, files, notes, others, progress as progresses
 
 
 def kept(attributes, families, derive, hierarchy, smoothing):
@@ -66,6 +66,7 @@ def build(
     attributes, families = asked.listed(attributes), asked.listed(families)
     wanted = kept(attributes, families, derive, hierarchy, smoothing)
     wanted |= {"memory": asked.memory(memory), "height_error": asked.number("height_error", height_error), "threads": asked.threads(threads)}
+    read = others.files_of(source)
     if others.package_of(source):
         source, own, said = others.arrays_of(source, attributes, families)
         units = {**own, **(units or {})}
@@ -79,7 +80,9 @@ def build(
         nested = bool(source) and all(isinstance(fields, Mapping) for fields in source.values())
         if height_error is not None:
             raise _deepfield.Error("height_error: found arrays, expected a file of heights")
-        found = columns.columns(source if nested else {family: source}, units or {})
+        every = source if nested else {family: source}
+        found = columns.columns(every, units or {})
+        files.refuse(out, [*read, *columns.files_of(every)])
         with progresses.teller(progress) as tell:
             told = columns.left_out(found) + _deepfield.build_arrays(found, out, asked.text(wanted), tell)
     else:

@@ -1,5 +1,6 @@
 """Arrays as columns of particles: floats in the machine's order of bytes, with their units."""
 
+import os
 from collections.abc import Mapping
 
 import numpy as np
@@ -38,6 +39,16 @@ def of_structured(source):
     """The columns of a structured array as a mapping; whatever else as it is."""
     names = source.dtype.names if isinstance(source, np.ndarray) else None
     return {name: source[name] for name in names} if names else source
+
+
+def files_of(families):
+    """The files that the arrays of families are mapped from."""
+    for array in (array for fields in families.values() for array in fields.values()):
+        while isinstance(array, np.ndarray):
+            name = getattr(array, "filename", None)
+            if isinstance(name, (str, os.PathLike)):
+                yield name
+            array = array.base
 
 
 def left_out(found):

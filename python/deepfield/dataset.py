@@ -101,7 +101,7 @@ class Data:
     """Open data.
 
     ``kind`` is ``particles``, ``run``, ``image``, ``volume``, ``heights`` or ``mixed``; ``families`` are by name; ``bounds`` are the smallest
-    and the largest coordinates, (2, 3), in ``unit``; ``modes`` are the visualization modes that draw it.
+    and the largest coordinates, (2, 3), in ``unit``; ``modes`` are the visualization modes that draw it, ``attributes`` what can give the hue.
     """
 
     def __init__(self, native):
@@ -123,6 +123,8 @@ class Data:
         slices = [path for path in self._read if self.kind == "volume" and os.path.isdir(path)]
         self._read += [entry.path for folder in slices for entry in os.scandir(folder)]
         self.families = {found["name"]: _family(found) for found in about["families"]}
+        fields = (name for family in self.families.values() for name in family.fields)
+        self.attributes = about.get("attributes") or list(dict.fromkeys(fields))
 
     def __reduce__(self):
         """Copies, and those that are sent to other processes of this machine, are opened there."""

@@ -1,5 +1,6 @@
 """Objects of pynbody, yt and swiftsimio as families of arrays; none of these packages is needed."""
 
+import os
 import re
 
 import numpy as np
@@ -37,6 +38,13 @@ def package_of(source):
     """The package that an object belongs to, one of three; None of others."""
     names = (kind.__module__.partition(".")[0] for kind in type(source).__mro__)
     return next((name for name in names if name in _PACKAGES), None)
+
+
+def files_of(source):
+    """The file that an object was opened from, as far as it says so."""
+    of = {"pynbody": "ancestor", "yt": "ds", "swiftsimio": "metadata"}.get(package_of(source))
+    name = of and getattr(getattr(source, of, source), "filename", None)
+    return [name] if isinstance(name, (str, os.PathLike)) else []
 
 
 def arrays_of(source, attributes=None, families=None):
@@ -93,13 +101,21 @@ def _family(name):
 def _unit(array):
     """The unit of an array, with powers as ``a^2`` and the scale factor before what it scales."""
     unit = getattr(array, "units", None)
-    text = "" if unit is None else re.sub(r"\bMsol\b", "Msun", str(unit))
+    text = "" if unit is None else re.sub(r"\bMsol\b", "Msun", _written_out(unit))
     if text in ("", "1", "1.00e+00", "dimensionless", "NoUnit()"):
         return ""
     if " " in text or "**" in text and "/" not in text.replace("**", ""):
         text = _in_line(text)
     factor = "a " if getattr(array, "comoving", False) and re.fullmatch(r"[kMG]?pc|[kcm]?m", text) else ""
     return factor + text.replace("**", "^")
+
+
+def _written_out(unit):
+    """The text of a unit with all digits of its number, of which pynbody shows three."""
+    scale = getattr(unit, "_scale", None)
+    number, _, rest = str(unit).partition(" ")
+    is_rounded = isinstance(scale, float) and re.fullmatch(r"\d\.\d\de[+-]\d+", number)
+    return f"{scale:.10g} {rest}".rstrip().replace("e+", "e") if is_rounded else str(unit)
 
 
 def _in_line(text):

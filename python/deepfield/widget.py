@@ -99,14 +99,13 @@ class Viewer:
     def about(self):
         """What the browser has to know before there is a picture."""
         data = self._data
-        fields = {name: None for family in data.families.values() for name in family.fields}
         modes = list(data.modes)
         if self._look.mode is not None and self._look.mode not in modes:
             modes.insert(0, self._look.mode)
         return {
             "size": list(self.size),
             "modes": modes,
-            "attributes": list(fields),
+            "attributes": data.attributes,
             "mode": self._look.mode,
             "attribute": self._look.attribute,
             "times": [] if data.steps is None else [float(time) for time in data.steps],

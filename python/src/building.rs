@@ -14,7 +14,7 @@ use deepfield_draw::import::{
     AttributeChoice, GridOptions, LoadOptions, Run, RunOptions, Smoothing, Source as _, UnpackedOnce, grid_format,
     is_one_table, open_grid, open_run, sources_of, steps_in,
 };
-use deepfield_draw::look::DataKind;
+use deepfield_draw::look::{DataKind, is_file_of};
 use deepfield_draw::model::{DerivedQuantity, FamilyName, ReadMethod, Skipped};
 use deepfield_draw::picture::asked::{State, on_threads};
 use pyo3::prelude::*;
@@ -156,6 +156,18 @@ pub fn refuse_built(sources: &[PathBuf]) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Refuses to write over what is read.
+///
+/// # Errors
+/// The program's sentence.
+pub fn refuse_over(written: &Path, read: &[PathBuf]) -> Result<(), Failure> {
+    if is_file_of(written, read) {
+        let written = written.display();
+        return Err(format!("{written}: cannot be written: found a file that is read, expected another name").into());
+    }
+    Ok(())
+}
+
 /// Builds the file `out` of sources; gives what there was to tell.
 ///
 /// # Errors
@@ -177,6 +189,7 @@ pub fn build_files(
 
 fn of_files(sources: &[PathBuf], out: &Path, asked: &Asked, state: &State) -> Result<(), Failure> {
     refuse_built(sources)?;
+    refuse_over(out, sources)?;
     // What it is, and of how many steps, is asked before it is opened.
     let _held = if let [only] = sources { Some(UnpackedOnce::of(only)) } else { None };
     if let [only] = sources

@@ -1,7 +1,7 @@
 //! Builds cut into tasks, which processes of one machine or of many run: a job is planned, run, asked how far it is, and removed.
 
 use crate::asked::read_asked;
-use crate::building::{Asked, Particles, refuse_built, run_build};
+use crate::building::{Asked, Particles, refuse_built, refuse_over, run_build};
 use crate::error::{Failure, told};
 use crate::work;
 use deepfield_draw::build::TrackOptions;
@@ -44,6 +44,7 @@ fn planned(
     state: &State,
 ) -> Result<Job, Failure> {
     refuse_built(sources)?;
+    refuse_over(out, sources)?;
     let first = sources.first().map_or(Path::new(""), PathBuf::as_path);
     let named = first.display();
     if let [only] = sources

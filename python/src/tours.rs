@@ -88,6 +88,8 @@ impl AskedTour {
         let pattern = self.pattern.as_deref().unwrap_or("frame-%05d");
         let pattern =
             pattern.parse::<Pattern>().map_err(|expected| format!("pattern: found {pattern:?}, {expected}"))?;
+        let named = |frame: u32| pattern.file(folder, u64::from(frame), "png");
+        show.check_written(&frames.range.clone().map(named).collect::<Vec<_>>())?;
         std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
         state.begin("drawing frames", frames.count() as u64);
         let mut last = None;
@@ -101,7 +103,7 @@ impl AskedTour {
             };
             // Whoever has given up may look at what is there meanwhile: no more frames come.
             state.go_on();
-            let file = pattern.file(folder, u64::from(frame), "png");
+            let file = named(frame);
             output::write_png(&file, &image)?;
             files.push(file);
             last = Some((shot, image));

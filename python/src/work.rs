@@ -3,13 +3,13 @@
 //! The work has a thread of its own; the thread that called attends to the interpreter until the work ends, or is left to end by itself.
 
 use crate::error::{Failure, told};
-use deepfield_draw::picture::asked::State;
+use deepfield_draw::picture::asked::{State, on_threads};
 use pyo3::prelude::*;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -27,6 +27,9 @@ const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Threads of interrupted work that writes, which had not ended in time.
 static LEFT: Mutex<Vec<JoinHandle<()>>> = Mutex::new(Vec::new());
+
+/// The process that worked first. In one that is forked from it the threads that share its work are not there.
+static FIRST: OnceLock<u32> = OnceLock::new();
 
 /// Stack of the work's thread, bytes: as much as a program's first thread usually has.
 const STACK: usize = 8 << 20;
@@ -91,9 +94,12 @@ fn run_beside<T: Send + 'static>(
     let state = Arc::new(State::default());
     let (ends, ended) = channel::<Ended<T>>();
     let own = Arc::clone(&state);
+    let is_forked = *FIRST.get_or_init(std::process::id) != std::process::id();
+    // As many as there usually are, for this work alone.
+    let threads = is_forked.then_some(0);
     let work = move || {
         // Whoever was interrupted hears nothing of it.
-        let _ = ends.send(catch_unwind(AssertUnwindSafe(|| job(&own))));
+        let _ = ends.send(catch_unwind(AssertUnwindSafe(|| on_threads(threads, || job(&own)))));
     };
     let named = std::thread::Builder::new().name("deepfield".into()).stack_size(STACK);
     let thread = named.spawn(work).map_err(|error| told(format!("starting a thread: {error}").into()))?;

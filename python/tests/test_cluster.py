@@ -168,10 +168,14 @@ class ByWorkers(OfTasks):
                 killed.append(next(iter(self.client.run(os.getpid).values())))
                 os.kill(killed[0], signal.SIGKILL)
 
-        done = sum(done for _, done, _ in self.done())
-        data = self.build(self.client, progress=self.after(done + 1, kill))
+        stages = self.done()
+        data = self.build(self.client, progress=self.after(1 + sum(done for _, done, _ in stages), kill))
         self.assertTrue(killed)
         self.is_as_of_one_process(data)
+        # Dask's pages show the tasks of each stage under its name.
+        names = self.client.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.task_prefixes))
+        of_stages = {f"deepfield-{stage}{end}" for stage, _, _ in stages for end in ("", "-end")}
+        self.assertLessEqual({"deepfield-job", *of_stages}, set(names))
 
     def test_what_fails_on_a_worker_is_told_and_leaves_nothing(self):
         # What others have the same client keep stays theirs.

@@ -1,13 +1,19 @@
 """Copies of objects, those that other processes get, and data that is looked at from another folder."""
 
 import copy
+import multiprocessing
 import os
 import pickle
+import unittest
 
 import numpy as np
 
 import deepfield
 from test_deepfield import ABOVE, WithFolder, particles
+
+
+def drawn(data):
+    return data.render(ABOVE, (60, 40)).png()
 
 
 class Copies(WithFolder):
@@ -22,6 +28,13 @@ class Copies(WithFolder):
         for again in self.copies(self.data):
             self.assertEqual((again.count, again.paths), (300, self.data.paths))
             self.assertEqual(again.probe(sphere=(0.5, 0.5, 0.5, 0.3)), self.data.probe(sphere=(0.5, 0.5, 0.5, 0.3)))
+
+    @unittest.skipUnless(hasattr(os, "fork"), "this system has no fork")
+    def test_processes_that_are_forked_draw_too(self):
+        expected = drawn(self.data)
+        with multiprocessing.get_context("fork").Pool(1) as pool:
+            # Threads that only the first process has would never answer.
+            self.assertEqual(pool.map_async(drawn, [self.data]).get(60.0), [expected])
 
     def test_data_is_the_same_from_another_folder(self):
         self.addCleanup(os.chdir, os.getcwd())

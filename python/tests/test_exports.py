@@ -77,7 +77,7 @@ class Exports(WithFolder):
             said = file["Header"].attrs
             for name in ("NumPart_ThisFile", "NumPart_Total"):
                 self.assertEqual(list(said[name]), [0, 500, 0, 0, 0, 0], name)
-            self.assertEqual(list(said["MassTable"]), [0.0] * 6)
+            self.assertEqual((list(said["MassTable"]), said["BoxSize"]), ([0.0] * 6, 0.0))
             np.testing.assert_allclose(group["Coordinates"].attrs["to_cgs"], 3.0857e21, 1e-4)
 
     @has("astropy")

@@ -76,6 +76,39 @@ class Written(WithFolder):
         self.refused("slice_2.png: cannot be written: found a file that is read", drawn.save, slices / "slice_2.png")
         drawn.save(slices.parent / "slice_2.png")
 
+    def test_a_build_is_not_written_over_what_it_is_of(self):
+        tables = self.folder / "tables"
+        tables.mkdir()
+        parts = [tables / f"part_{number}.csv" for number in range(2)]
+        for number, part in enumerate(parts):
+            part.write_text(f"x,y,z\n{number},0,0\n{number},1,1\n")
+        before = [part.read_bytes() for part in parts]
+        link = self.folder / "link.csv"
+        link.symlink_to(parts[0])
+        for source, out in [(parts[0], parts[0]), (parts[0], link), (tables, parts[1]), (tables / "*.csv", parts[1]), (parts, parts[0])]:
+            self.refused(f"{out.name}: cannot be written: found a file that is read", deepfield.build, source, out)
+        numbers = self.folder / "places.npy"
+        np.save(numbers, np.random.default_rng(1).random((50, 3)))
+        mapped = np.load(numbers, mmap_mode="r")
+        whole = self.folder / "whole.npy"
+        np.save(whole, np.arange(150).reshape(50, 3))
+        # These are copied as they become floats.
+        copied = np.load(whole, mmap_mode="r")
+        for arrays, out in [({"positions": mapped}, numbers), ({"gas": {"positions": mapped[::2]}}, numbers), ({"positions": copied}, whole)]:
+            self.refused(f"{out.name}: cannot be written: found a file that is read", deepfield.build, arrays, out)
+        self.assertEqual([part.read_bytes() for part in parts], before)
+        np.testing.assert_array_equal(np.load(numbers), mapped)
+        self.assertEqual(deepfield.build(parts[0], self.folder / "part.df").count, 2)
+
+    def test_frames_are_not_written_over_what_they_are_of(self):
+        frames = self.folder / "frames"
+        frames.mkdir()
+        photo = frames / "frame-00001.png"
+        deepfield.build(particles(200), self.folder / "box.df").render(ABOVE, (20, 16)).save(photo)
+        before, tour = photo.read_bytes(), deepfield.Tour.around(2.0)
+        self.refused("frame-00001.png: cannot be written: found a file that is read", tour.render, deepfield.open(photo), frames, (32, 24), 1)
+        self.assertEqual(photo.read_bytes(), before)
+
     def test_numbers_that_could_not_be_written_leave_those_before(self):
         picture = deepfield.build(particles(200), self.folder / "box.df").render(ABOVE, (40, 30))
         numbers = self.folder / "numbers.npz"

@@ -78,6 +78,13 @@ class OfOthers(WithFolder):
         data = deepfield.build(snapshot("GadgetHDFSnap", own), self.out)
         self.same(data, "dark", "a kpc/h", "1e10 Msun/h")
         self.assertEqual((data.redshift, data.families["dark"].fields["temperature"].unit), (1.0, "K"))
+        # Its text has three digits of a number.
+        rounded = type("Unit", (str,), {"_scale": 3.085678e24})("3.09e+24 cm a h**-1")
+        alone = type("Unit", (str,), {"_scale": 1.0})("1.00e+00")
+        exact = {**own, "pos": Quantity.of(arrays["positions"], rounded), "temp": Quantity.of(arrays["temperature"], alone)}
+        data = deepfield.build(snapshot("GadgetHDFSnap", exact), self.out)
+        self.same(data, "dark", "a 3.085678e24 cm/h", "1e10 Msun/h")
+        self.assertEqual(data.families["dark"].fields["temperature"].unit, "")
         self.same(deepfield.build(snapshot("TipsySnap", own), self.out, attributes=["temp"]), "dark", "a kpc/h", "1e10 Msun/h", 2.0)
         self.refused("attributes: found nothing-of-it", deepfield.build, snapshot("TipsySnap", own), self.out, attributes=["nothing-of-it"])
         self.refused("found no particles", deepfield.build, snapshot("TipsySnap", own), self.out, families=["stars"])

@@ -30,7 +30,7 @@ class Samples(WithFolder):
                 found = data.array()
                 self.assertEqual(found.dtype, kind)
                 np.testing.assert_array_equal(found, samples)
-                self.assertEqual(data.shape, shape[::-1])
+                self.assertEqual((data.shape, data.attributes), (shape[::-1], ["value", "gradient"]))
                 for level in (1, 2, 5):
                     every = (slice(None, None, 2**level),) * len(shape)
                     np.testing.assert_array_equal(data.array(level), samples[every])
@@ -56,6 +56,9 @@ class Samples(WithFolder):
             np.testing.assert_allclose(np.sort(y), [20, 22])
             self.refused("rows: found 4 to 7, expected a part of 0 to 6", data.heights, (4, 7))
             self.refused("expected at most 10 bytes", data.heights, memory=10)
+        self.assertEqual(data.attributes, ["height", "slope", "aspect", "curvature", "residual", "level", "primitive"])
+        for attribute in data.attributes:
+            self.assertEqual(data.render(size=(8, 6), attribute=attribute).attribute, attribute)
         rounded = deepfield.build(source, self.folder / "rounded.df", height_error=0.25).heights()
         np.testing.assert_array_equal(np.isnan(rounded), np.isnan(samples))
         self.assertLessEqual(np.nanmax(abs(rounded - samples)), 0.25)

@@ -16,7 +16,12 @@ struct Rays {
     step_down: vec4<f32>,
 }
 
+// What stays while the camera moves comes first: an adapter in software has the first word as a constant, and compiles anew where it changes.
 struct Integrals {
+    /// Samples of the level along each axis.
+    shape: vec3<u32>,
+    /// The level's own indices for an index.
+    scale: f32,
     /// In indices of samples.
     samples: Rays,
     /// In the world, from the middle of the box outside of which nothing is drawn.
@@ -25,10 +30,6 @@ struct Integrals {
     clip: vec4<f32>,
     /// The last indices that belong to the field.
     ends: vec4<f32>,
-    /// Samples of the level along each axis.
-    shape: vec3<u32>,
-    /// The level's own indices for an index.
-    scale: f32,
     /// Where the middle line of sight meets the picture, pixels.
     middle: vec2<f32>,
     /// Least and largest depth from the plane.

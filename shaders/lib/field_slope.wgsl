@@ -3,7 +3,12 @@
 #import deepfield::field_samples::is_hole
 
 /// The finest level that the grid is filled from, in camera axes. The Rust twin is `SlopeUniform` in src/gpu/volume/field/layout.rs.
+// What stays while the camera moves comes first: an adapter in software has the first word as a constant, and compiles anew where it changes.
 struct SlopeView {
+    /// Samples of the level along each axis.
+    shape: vec3<u32>,
+    /// Its own indices for an index.
+    scale: f32,
     /// What a unit of length to the right adds to indices of samples.
     right: vec4<f32>,
     /// What one upwards adds.
@@ -12,10 +17,6 @@ struct SlopeView {
     forward: vec4<f32>,
     /// Indices on the middle line of sight at a depth, and that depth.
     start: vec4<f32>,
-    /// Samples of the level along each axis.
-    shape: vec3<u32>,
-    /// Its own indices for an index.
-    scale: f32,
     /// Slices that are filled from it.
     slices: u32,
     /// 1: the logarithm of values is placed.

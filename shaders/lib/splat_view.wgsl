@@ -46,11 +46,8 @@ struct Pass {
     unused_b: u32,
 }
 
+// What stays while the camera moves comes first: an adapter in software has the first word as a constant, and compiles anew where it changes.
 struct SplatView {
-    /// Camera axes in world coordinates.
-    right: vec4<f32>,
-    up: vec4<f32>,
-    forward: vec4<f32>,
     /// Picture size, pixels.
     size: vec2<u32>,
     /// Size of the atlas that the blended technique draws all levels into.
@@ -90,6 +87,10 @@ struct SplatView {
     fade_start: f32,
     /// Rate of the exponential by which weights fall behind that.
     fade_rate: f32,
+    /// Camera axes in world coordinates.
+    right: vec4<f32>,
+    up: vec4<f32>,
+    forward: vec4<f32>,
     /// Corners of the box that is drawn, relative to the eye in world axes.
     clip_min: vec4<f32>,
     clip_max: vec4<f32>,

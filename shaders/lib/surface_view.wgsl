@@ -9,7 +9,10 @@
 #define_import_path deepfield::surface_view
 #import deepfield::surface_constants::{CHUNK, UNMEASURED, FRACTION, BEFORE_POINTS, BEFORE_POLES, BEFORE_SEAM, ROW_WORDS, COLUMN_WORDS, SQUARE, NONE, MIXED}
 
+// What stays while the camera moves comes first: an adapter in software has the first word as a constant, and compiles anew where it changes.
 struct SurfaceView {
+    contour_color: vec3<f32>,
+    contour_major: u32,
     /// The anchor at the reference height, and what a column, a row and a unit of height add, in the camera's coordinates; on a globe the axes
     /// away from its own, to the east and to the north.
     origin: vec3<f32>,
@@ -48,8 +51,6 @@ struct SurfaceView {
     /// Towards the sun.
     sun: vec3<f32>,
     is_sun: u32,
-    contour_color: vec3<f32>,
-    contour_major: u32,
     /// Samples of the picture.
     size: vec2<u32>,
     middle: vec2<f32>,

@@ -9,7 +9,12 @@
 #import deepfield::volume_constants::{AROUND, BRICK, CELLS, HEADER, SAMPLE_BLOCK}
 
 /// A level of a field. Indices are those of the finest level unless they are called the level's own.
+// What stays while the camera moves comes first: an adapter in software has the first word as a constant, and compiles anew where it changes.
 struct FieldView {
+    /// Samples of the level along each axis.
+    shape: vec3<u32>,
+    /// Its own indices for an index.
+    scale: f32,
     /// What a unit of length to the right adds to indices.
     right: vec4<f32>,
     /// What one upwards adds.
@@ -21,10 +26,6 @@ struct FieldView {
     clip: vec4<f32>,
     /// The last indices that belong to the field.
     ends: vec4<f32>,
-    /// Samples of the level along each axis.
-    shape: vec3<u32>,
-    /// Its own indices for an index.
-    scale: f32,
     /// Blocks of its samples along each axis.
     blocks: vec3<u32>,
     /// 1: the logarithm of values is placed.

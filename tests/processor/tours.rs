@@ -2,7 +2,7 @@
 //! interrupted, and every frame can be made again from its scene.
 
 use crate::stream::disk::offset_of;
-use crate::support::{in_repository, program};
+use crate::support::{in_repository, program, write_box};
 use deepfield::annotate::overlay::read_png;
 use deepfield::build::{BuildOptions, build};
 use deepfield::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
@@ -61,20 +61,27 @@ const EVERYTHING: &str = r#"(
     keyframes: [
         (mode: "density-squared", error_px: 3.0, caption: "Words", images: [(path: "logo.png", height: 0.3)]),
         (after: 1.0, orbit: 40.0, settings: {"presence": 2000.0}),
-        (after: 1.0, move: flight, around: (what: ball((29.16, 35.0, 27.36), 0.7)), caption: ""),
+        (after: 1.0, move: flight, around: (what: ball((58320.0, 70000.0, 54720.0), 1400.0)), caption: ""),
         (after: 0.25, mode: "volume", fade: 0.5, pause: 0.5),
         (after: 0.5, orbit: -30.0, settings: {"opacity": 3.0}, images: []),
         (move: cut, after: 0.5, fade: 0.5, mode: "isosurface", around: (what: data), pause: 0.75),
     ],
 )"#;
 
-/// A folder with that tour and its picture.
-fn everything() -> (tempfile::TempDir, PathBuf) {
+/// A folder with a page file of few particles, and where that is.
+fn few() -> (tempfile::TempDir, String) {
     let folder = tempfile::tempdir().unwrap();
+    let data = write_box(folder.path()).display().to_string();
+    (folder, data)
+}
+
+/// The same with that tour and its picture.
+fn everything() -> (tempfile::TempDir, String, PathBuf) {
+    let (folder, data) = few();
     let path = folder.path().join("everything.ron");
     std::fs::write(&path, EVERYTHING).unwrap();
     std::fs::copy(in_repository("tests/golden/points.png"), folder.path().join("logo.png")).unwrap();
-    (folder, path)
+    (folder, data, path)
 }
 
 fn demo() -> String {
@@ -93,7 +100,7 @@ const ADAPTING: &str = r#"(
             exposure: adaptive(dark: 0.3),
             bloom: (strength: 0.5, threshold: 0.2),
         ),
-        (after: 1.0, around: (what: ball((29.16, 35.0, 27.36), 0.7))),
+        (after: 1.0, around: (what: ball((58320.0, 70000.0, 54720.0), 1400.0))),
         (after: 0.5, move: cut, around: (what: data, distance: 4.0)),
         (after: 1.0, orbit: 30.0, bloom: (strength: 1.0)),
     ],
@@ -101,13 +108,13 @@ const ADAPTING: &str = r#"(
 
 #[test]
 fn an_eye_that_adapts_sees_the_same_in_parts() {
-    let folder = tempfile::tempdir().unwrap();
+    let (folder, data) = few();
     let path = folder.path().join("adapting.ron");
     std::fs::write(&path, ADAPTING).unwrap();
     let path = path.display().to_string();
     let at = |name: &str| folder.path().join(name);
     let record = |name: &str, part: &[&str]| {
-        let mut command = tour(&[&path, &demo(), "--record", &at(name).display().to_string()]);
+        let mut command = tour(&[&path, &data, "--record", &at(name).display().to_string()]);
         command.args(part);
         run(command);
         contents(&at(name))
@@ -132,7 +139,7 @@ fn an_eye_that_adapts_sees_the_same_in_parts() {
     assert!(read_png(&at("again.png")).unwrap() == read_png(&at("whole").join("frame-00005.png")).unwrap());
     // Without adaptation and bloom it is another picture.
     let plain = at("plain.png");
-    let mut command = tour(&[&path, &demo(), "--exposure", "auto", "--bloom", "0", "--frame", "5"]);
+    let mut command = tour(&[&path, &data, "--exposure", "auto", "--bloom", "0", "--frame", "5"]);
     command.arg(&plain);
     run(command);
     assert!(read_png(&plain).unwrap() != read_png(&at("whole").join("frame-00005.png")).unwrap());
@@ -140,11 +147,10 @@ fn an_eye_that_adapts_sees_the_same_in_parts() {
 
 #[test]
 fn recordings_are_the_same_files_however_they_are_interrupted() {
-    let (folder, path) = everything();
+    let (folder, data, path) = everything();
     let path = path.display().to_string();
     let at = |name: &str| folder.path().join(name);
-    let record =
-        |name: &str| tour(&[&path, &demo(), "--format", "png,exr", "--record", &at(name).display().to_string()]);
+    let record = |name: &str| tour(&[&path, &data, "--format", "png,exr", "--record", &at(name).display().to_string()]);
     run(record("once"));
     let once = contents(&at("once"));
     assert_eq!(once.len(), 3 * 19 + 2, "19 frames as PNG, EXR and scene, a manifest and a journal");
@@ -204,7 +210,7 @@ fn recordings_are_the_same_files_however_they_are_interrupted() {
 
     // A part has the numbers and the pictures of the whole, and one frame is that frame.
     let mut part =
-        tour(&[&path, &demo(), "--no-scenes", "--start", "1", "--end", "1.5", "--offset", "100", "--name", "p%d"]);
+        tour(&[&path, &data, "--no-scenes", "--start", "1", "--end", "1.5", "--offset", "100", "--name", "p%d"]);
     part.arg("--record").arg(at("part"));
     run(part);
     let part = contents(&at("part"));
@@ -213,12 +219,12 @@ fn recordings_are_the_same_files_however_they_are_interrupted() {
         assert!(part[Path::new(&format!("p{}.png", 100 + i))] == once[Path::new(&format!("frame-{i:05}.png"))], "{i}");
     }
     let one = at("one.png").display().to_string();
-    run(tour(&[&path, &demo(), "--frame", "9", &one]));
+    run(tour(&[&path, &data, "--frame", "9", &one]));
     assert!(read_png(Path::new(&one)).unwrap() == read_png(&at("once").join("frame-00009.png")).unwrap());
 
     // Begun anew, a folder has nothing left of another recording, and still has other parts of the same.
     let anew = |part: [&str; 2]| {
-        let mut anew = tour(&[&path, &demo(), "--no-scenes", "--fps", "1", "--restart"]);
+        let mut anew = tour(&[&path, &data, "--no-scenes", "--fps", "1", "--restart"]);
         anew.args(part).arg("--record").arg(at("part"));
         run(anew);
         contents(&at("part")).into_keys().collect::<Vec<_>>()
@@ -419,25 +425,44 @@ fn the_shipped_tour_has_several_modes_and_is_comfortable() {
 
 #[test]
 fn any_data_has_a_tour_and_a_video() {
+    let (_beside, data) = few();
     let folder = tempfile::tempdir().unwrap();
     let video = folder.path().join("around.avi");
     let name = video.display().to_string();
     let size = ["--size", "64x36", "--error-px", "3"];
-    run(tour(&[&["--around", &demo(), "--seconds", "2", "--fps", "5", "--video", &name][..], &size].concat()));
+    run(tour(&[&["--around", &data, "--seconds", "2", "--fps", "5", "--video", &name][..], &size].concat()));
     let bytes = std::fs::read(&video).unwrap();
     assert!(bytes.starts_with(b"RIFF") && bytes.windows(4).filter(|word| word == b"00dc").count() >= 20);
     let files = || std::fs::read_dir(folder.path()).unwrap().count();
     assert_eq!(files(), 1, "only the video stays");
 
     // Of one that was interrupted frames stay, and another of its name begins anew when that is said.
-    let of_demo = |fps: &str, more: &[&str]| {
-        tour(&[&["--around", &demo(), "--seconds", "2", "--fps", fps][..], &size, more].concat())
+    let around = |fps: &str, more: &[&str]| {
+        tour(&[&["--around", &data, "--seconds", "2", "--fps", fps][..], &size, more].concat())
     };
-    run(of_demo("1", &["--record", &format!("{name}.frames")]));
-    let (code, said) = failure(of_demo("2", &["--video", &name]));
+    run(around("1", &["--record", &format!("{name}.frames")]));
+    let (code, said) = failure(around("2", &["--video", &name]));
     assert!(code == Some(1) && said.contains("--fps was 1, now 2") && said.contains("--restart"), "{said}");
-    run(of_demo("2", &["--video", &name, "--restart"]));
+    run(around("2", &["--video", &name, "--restart"]));
     assert_eq!(files(), 1);
+}
+
+#[test]
+fn frames_are_not_written_over_what_they_are_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let slices = folder.path().join("frames");
+    std::fs::create_dir(&slices).unwrap();
+    for name in ["frame-00000.png", "frame-00001.png"] {
+        std::fs::copy(in_repository("tests/golden/points.png"), slices.join(name)).unwrap();
+    }
+    let before = contents(&slices);
+    let name = slices.display().to_string();
+    for (data, over) in [(name.clone(), "frame-00000.png"), (format!("{name}/frame-00001.png"), "frame-00001.png")] {
+        let (_, said) = failure(tour(&["--around", &data, "--record", &name, "--size", "32x24", "--fps", "1"]));
+        let expected = format!("{over}: cannot be written: found a file that is read, expected another folder");
+        assert!(said.contains(&expected), "{said}");
+        assert_eq!(contents(&slices), before);
+    }
 }
 
 #[test]

@@ -48,13 +48,13 @@ pub fn kept_page_file(name: &str, make: impl FnOnce(&Path)) -> Vec<u8> {
 }
 
 /// Puts the page file that the program makes of the demo snapshot where it looks for it when `folder` is the user's cache: it is built once, not
-/// by each test that opens the snapshot.
-pub fn keep_demo_pages(folder: &Path) {
+/// by each test that opens the snapshot. Where it lies then.
+pub fn keep_demo_pages(folder: &Path) -> PathBuf {
     let pages = folder.join("deepfield").join("pages");
     let name = cached_name(&demo()).unwrap();
     let path = pages.join(&name);
     if path.exists() {
-        return;
+        return path;
     }
     let kept = kept_page_file(&name, |path| {
         let making = tempfile::tempdir().unwrap();
@@ -62,7 +62,8 @@ pub fn keep_demo_pages(folder: &Path) {
         std::fs::copy(made, path).unwrap();
     });
     std::fs::create_dir_all(&pages).unwrap();
-    std::fs::write(path, kept).unwrap();
+    std::fs::write(&path, kept).unwrap();
+    path
 }
 
 /// Bytes in gzip.

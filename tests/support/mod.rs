@@ -19,7 +19,7 @@ pub use files::{demo, gzip, in_reference_data, in_repository, keep_demo_pages, k
 pub use gas::{dataset_of, gas};
 pub use pages::{
     Built, built, built_from, built_from_dataset, built_plainly, core, draw_nodes, draw_pages, draw_source,
-    paint_pages, sum_nodes, view_from, view_of, whole, write_demo_pages,
+    paint_pages, sum_nodes, view_from, view_of, whole, write_box, write_demo_pages,
 };
 #[cfg(target_os = "linux")]
 pub use program::peak_memory;

@@ -1,6 +1,7 @@
 //! Page files built for the tests, and what the tests draw from them.
 
 use super::files::{demo, kept_page_file};
+use super::program::ok;
 use deepfield::build::{BuildOptions, build, build_source};
 use deepfield::codec::VqBits;
 use deepfield::color::Accumulation;
@@ -18,7 +19,7 @@ use deepfield::store::{InMemory, Metadata, PageFile, Tree};
 use deepfield::stream::{Scene, SceneNode, first_nodes};
 use deepfield::view::{Projection, View};
 use glam::DVec3;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
 /// How a source is had in memory.
@@ -78,6 +79,13 @@ pub fn write_demo_pages(path: &Path, hierarchies: Kinds) {
         build_source(&demo(), &LoadOptions::default(), &options, path, &()).unwrap();
     });
     std::fs::write(path, kept).unwrap();
+}
+
+/// Writes a box of a universe of few particles into a folder: the snapshot `box.gadget2`, and the page file whose path it gives.
+pub fn write_box(folder: &Path) -> PathBuf {
+    ok(folder, &["synth", "cosmology", "-n", "30000", "-o", "box.gadget2"]);
+    ok(folder, &["build", "box.gadget2", "-o", "box.df"]);
+    folder.join("box.df")
 }
 
 /// Imports what `options` say of a source and builds it.

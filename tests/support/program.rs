@@ -1,15 +1,22 @@
 //! The program under test, and tests in processes of their own.
 
 use serde_json::Value;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// The program, without arguments. What an adapter in software compiles is kept for all of them: elsewhere each would compile its own, since a
-/// test's folder is all that its programs know of their user.
+/// The program, without arguments. What an adapter in software compiles is kept for all of them, and for the tests themselves: elsewhere each would
+/// compile its own, since a test's folder is all that its programs know of their user.
 pub fn program() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_deepfield"));
-    command.env("MESA_SHADER_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"));
+    command.env("MESA_SHADER_CACHE_DIR", shader_cache());
     command
+}
+
+/// Where Mesa keeps what it compiles in this process.
+fn shader_cache() -> PathBuf {
+    let of = |name: &str| std::env::var_os(name).filter(|path| !path.is_empty()).map(PathBuf::from);
+    let user = || of("XDG_CACHE_HOME").or_else(|| Some(of("HOME")?.join(".cache")));
+    of("MESA_SHADER_CACHE_DIR").or_else(user).unwrap_or_else(|| env!("CARGO_TARGET_TMPDIR").into())
 }
 
 /// What the program does with these arguments in a folder, which is its cache, too.

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// Of a window without panels: an adapter in software draws half of them.
-const SIZE: [u16; 2] = [336, 240];
+const SIZE: [u16; 2] = [252, 180];
 
 /// The pixels of the picture at two places, but for where messages come and go, and the status there.
 fn fly(folder: &Path, file: &Path, (mode, backend): (&str, &str), occlusion: bool) -> Vec<(Vec<[u8; 3]>, Value)> {

@@ -64,14 +64,24 @@ fn the_window_shows_turns_and_closes_on_the_graphics_adapter() {
     use_the_window(&["--backend", "compute"]);
 }
 
+/// Of pages that a server sends: the window knows the URL alone.
+#[cfg(feature = "remote")]
 #[test]
-fn volumes_are_drawn_by_compute_passes() {
+fn volumes_behind_a_url_are_drawn_by_compute_passes() {
+    use crate::support::{fault_server::FaultServer, keep_demo_pages};
+    use std::collections::BTreeSet;
     let folder = tempfile::tempdir().unwrap();
+    let server = FaultServer::new(std::fs::read(keep_demo_pages(folder.path())).unwrap());
+    let url = server.url("demo.df");
     let desktop = Desktop::start();
     let arguments = ["--mode", "volume", "--backend", "compute"];
-    let mut program = Program::with_size(&desktop, folder.path(), [640, 240], &arguments);
+    let mut program = Program::open(&desktop, folder.path(), Path::new(&url), [640, 240], &arguments);
     let status = program.wait("a converged picture", |status| status["converged"] == true);
-    assert_eq!(status["backend"], "compute", "{status:#}");
+    assert_eq!((&status["backend"], &status["pages_failed"]), (&Value::from("compute"), &Value::from(0)), "{status:#}");
+    assert_eq!(status["open"], *url, "{status:#}");
+    // More than the ends of the file.
+    let ranges: BTreeSet<_> = server.asked().into_iter().filter_map(|asked| asked.range).collect();
+    assert!(ranges.len() > 2, "{ranges:?}");
     let lit = |screen: &Screen| screen.share(columns(&status), |pixel| pixel.iter().any(|&c| c > 40));
     // The window is a third of the screen's height.
     desktop.wait("a volume", |screen| lit(screen) > 0.01);

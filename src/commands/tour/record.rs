@@ -68,7 +68,7 @@ impl Files {
 /// Records the frames that are not finished.
 ///
 /// # Errors
-/// When the folder holds another recording, a frame cannot be drawn, or a file cannot be written. What is finished stays.
+/// When the folder holds another recording or what the tour is of, a frame cannot be drawn, or a file cannot be written. What is finished stays.
 pub(super) fn record(
     show: &mut Show,
     frames: &Frames,
@@ -77,22 +77,23 @@ pub(super) fn record(
 ) -> Result<Recorded, Error> {
     let create =
         |folder: &Path| std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()));
+    let files = |frame: u32| Files::new(folder, arguments, frame);
+    let all: Vec<PathBuf> = frames.range.clone().flat_map(|frame| files(frame).all()).collect();
+    show.check_written(&all)?;
     create(folder)?;
     if !arguments.no_scenes {
         create(&folder.join(SCENES))?;
     }
     let mut journal = Journal::open(folder)?;
     let mut manifest = begin(show, frames, arguments, folder, &mut journal)?;
-    let (finished, open): (Vec<u32>, Vec<u32>) = frames
-        .range
-        .clone()
-        .partition(|&frame| Files::new(folder, arguments, frame).all().iter().all(|file| journal.is_finished(file)));
+    let (finished, open): (Vec<u32>, Vec<u32>) =
+        frames.range.clone().partition(|&frame| files(frame).all().iter().all(|file| journal.is_finished(file)));
     let mut progress = Progress::new(open.len(), finished.len());
     let begun = Instant::now();
     // Frames of a pause are the same picture.
     let mut last: Option<(crate::look::SceneFile, Take)> = None;
     for (i, &frame) in open.iter().enumerate() {
-        let files = Files::new(folder, arguments, frame);
+        let files = files(frame);
         let shot = show.shot(frames.time(frame), &files.place)?;
         if last.as_ref().is_none_or(|(before, _)| *before != shot) {
             let next = open.get(i + 1).map(|&next| frames.time(next));
@@ -117,7 +118,6 @@ pub(super) fn record(
         journal.note(&files.all())?;
         progress.frame();
     }
-    let all: Vec<PathBuf> = frames.range.clone().flat_map(|frame| Files::new(folder, arguments, frame).all()).collect();
     journal.finish(&all)?;
     Ok(Recorded { folder: folder.to_owned(), drawn: open.len(), found: finished.len(), took: begun.elapsed() })
 }

@@ -32,6 +32,10 @@ pub struct RaysUniform {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct IntegralUniform {
+    /// Samples of the level along each axis.
+    pub shape: [u32; 3],
+    /// The level's own indices for an index.
+    pub scale: f32,
     /// Rays in indices of samples.
     pub samples: RaysUniform,
     /// Rays in the world, from the middle of the box outside of which nothing is drawn.
@@ -40,10 +44,6 @@ pub struct IntegralUniform {
     pub clip: [f32; 4],
     /// The last indices that belong to the field.
     pub ends: [f32; 4],
-    /// Samples of the level along each axis.
-    pub shape: [u32; 3],
-    /// The level's own indices for an index.
-    pub scale: f32,
     /// Where the middle line of sight meets the picture, pixels.
     pub middle: [f32; 2],
     /// Least and largest depth, from the plane.

@@ -81,12 +81,6 @@ pub struct Level {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SplatUniform {
-    /// Camera axis to the right.
-    pub right: [f32; 4],
-    /// Camera axis to the top.
-    pub up: [f32; 4],
-    /// Camera axis along the line of sight.
-    pub forward: [f32; 4],
     /// Picture size, pixels.
     pub size: [u32; 2],
     /// Size of a texture that holds all levels: the finest to the left, the others in a column to its right.
@@ -129,6 +123,12 @@ pub struct SplatUniform {
     pub fade_start: f32,
     /// Rate of the exponential by which weights fall behind that.
     pub fade_rate: f32,
+    /// Camera axis to the right.
+    pub right: [f32; 4],
+    /// Camera axis to the top.
+    pub up: [f32; 4],
+    /// Camera axis along the line of sight.
+    pub forward: [f32; 4],
     /// Lowest corner of the box that is drawn, relative to the eye in world axes.
     pub clip_min: [f32; 4],
     /// Highest corner of that box.

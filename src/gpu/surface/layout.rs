@@ -20,6 +20,8 @@ use bytemuck::{Pod, Zeroable};
 #[repr(C)]
 #[allow(missing_docs, reason = "shaders/lib/surface_view.wgsl says what each is")]
 pub struct SurfaceUniform {
+    pub contour_color: [f32; 3],
+    pub contour_major: u32,
     pub origin: [f32; 3],
     pub focal: f32,
     pub per_column: [f32; 3],
@@ -48,8 +50,6 @@ pub struct SurfaceUniform {
     pub ramp_last: u32,
     pub sun: [f32; 3],
     pub is_sun: u32,
-    pub contour_color: [f32; 3],
-    pub contour_major: u32,
     pub size: [u32; 2],
     pub middle: [f32; 2],
     pub anchor: [i32; 2],
@@ -226,6 +226,8 @@ impl SurfaceUniform {
             false => 0.0,
         };
         SurfaceUniform {
+            contour_color: contours.color,
+            contour_major: contours.major,
             origin: camera(at_anchor),
             focal: focal as f32,
             per_column: axes[0],
@@ -267,8 +269,6 @@ impl SurfaceUniform {
             ramp_last: ramp.saturating_sub(1),
             sun: sun.unwrap_or_default().as_vec3().to_array(),
             is_sun: u32::from(sun.is_some()),
-            contour_color: contours.color,
-            contour_major: contours.major,
             size: [view.width, view.height],
             middle: view.middle().map(|pixels| pixels as f32),
             anchor: anchor.map(|at| at as i32),

@@ -11,6 +11,10 @@ use glam::DVec3;
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct MarchUniform {
+    /// Rooms along x, y and z.
+    pub rooms: [u32; 3],
+    /// Densities up to this show nothing.
+    pub least: f32,
     /// Where the middle line of sight passes the depth of the box's middle, in stored coordinates of the grid. From there rays are told:
     /// from an eye that is far away they would be rounded.
     pub middle_place: [f32; 4],
@@ -28,10 +32,6 @@ pub struct MarchUniform {
     pub low: [f32; 4],
     /// Its opposite corner.
     pub high: [f32; 4],
-    /// Rooms along x, y and z.
-    pub rooms: [u32; 3],
-    /// Densities up to this show nothing.
-    pub least: f32,
     /// Where the middle line of sight meets the picture, pixels.
     pub middle: [f32; 2],
     /// Depths of the planes, from the depth of the box's middle.

@@ -131,3 +131,45 @@ fn drawn(session: &mut AnySession, shot: &Shot) -> Result<Drawn, Failure> {
     let (units, ends) = units_and_ends(session, &picture);
     Ok((image, picture, units, ends))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::{BuildOptions, build};
+    use crate::serve::view::ViewOptions;
+    use crate::synth::{dataset, merger::Merger};
+
+    #[test]
+    fn visitors_share_the_memory_evenly() {
+        const MEMORY: u64 = 3 << 30;
+        let folder = tempfile::tempdir().unwrap();
+        let [path, tour] = ["merger.df", "a.tour.ron"].map(|name| folder.path().join(name));
+        build(dataset(&Merger::new(1, 500)), &BuildOptions::default(), &path, &()).unwrap();
+        let text = "(version: 1, keyframes: [(mode: \"column-density\"), (after: 1.0, orbit: 40.0)])";
+        std::fs::write(&tour, text).unwrap();
+        for (visitors, share) in [(1, MEMORY), (3, MEMORY / 3)] {
+            let (path, tour, share) = (path.clone(), Some(tour.clone()), Some(share));
+            let options = ViewOptions { path, scene: None, tour, visitors, memory: MEMORY };
+            let shown = Arc::new(Shown::open(&options).unwrap());
+            let draw = |studio: &mut Studio, asked: Value| {
+                let task = Task::Frame(Box::new(serde_json::from_value(asked).unwrap()));
+                if let Outcome::Failed(why) = studio.perform(&task) {
+                    panic!("{why}");
+                }
+                // Pictures and tours have it in turns.
+                let picture = studio.session.as_ref().map(AnySession::memory);
+                [picture, studio.show.as_ref().map(Show::memory)]
+            };
+            // Who has come before takes nothing of what others have.
+            let mut studios = [(); 2].map(|()| Studio::new(Arc::clone(&shown), Arc::default()));
+            for studio in &mut studios {
+                assert_eq!(draw(studio, json!({ "size": [30, 20] })), [Some(share), None]);
+                assert_eq!(draw(studio, json!({ "size": [30, 20], "tour": 0.5 })), [None, Some(share)]);
+            }
+            // Data of all kinds.
+            let asked = FrameAsked::default().asked(&shown).unwrap();
+            let (_, options) = asked.request(&mut [shown.member.clone()]).unwrap();
+            assert_eq!([options.memory, options.page_memory, options.chunk_memory], [share; 3]);
+        }
+    }
+}

@@ -55,14 +55,29 @@ const TABLE: Sample = Sample {
     ..POINTS
 };
 
+/// Points of a scanner.
+const SCAN: Sample = Sample {
+    format: "las",
+    velocity_unit: None,
+    id: None,
+    scalars: &[
+        ("gps-time", "", temperature),
+        ("intensity", "", |i| 1000.0 + 3.0 * i),
+        ("classification", "", |i| i % 5.0),
+        ("red", "", |i| i),
+        ("green", "", |i| 2.0 * i),
+        ("blue", "", |i| 3.0 * i),
+    ],
+    ..POINTS
+};
+
 const SAMPLES: &[Sample] = &[
     Sample { files: &["plyfile-ascii.ply", "plyfile-little.ply", "plyfile-big.ply"], format: "ply", ..POINTS },
     Sample {
         files: &["laspy-1.2.las", "laspy-1.4.las", "laspy-1.2.laz", "laspy-1.4.laz"],
-        format: "las",
-        velocity_unit: None,
-        id: None,
         scalars: &[
+            ("temperature", "", temperature),
+            ("level", "", |i| 3.0 + 0.25 * i),
             ("gps-time", "", temperature),
             ("intensity", "", |i| 1000.0 + 3.0 * i),
             ("classification", "", |i| i % 5.0),
@@ -70,18 +85,21 @@ const SAMPLES: &[Sample] = &[
             ("green", "", |i| 2.0 * i),
             ("blue", "", |i| 3.0 * i),
         ],
-        ..POINTS
+        ..SCAN
     },
+    Sample { files: &["copclib.copc.laz"], ..SCAN },
     Sample {
         files: &[
             "vtk-ascii.vtp",
             "vtk-base64.vtp",
             "vtk-raw.vtp",
             "vtk-zlib.vtp",
+            "vtk-lz4.vtp",
             "vtk-ascii.vtu",
             "vtk-base64.vtu",
             "vtk-raw.vtu",
             "vtk-zlib.vtu",
+            "vtk-lz4.vtu",
             "vtk-poly-text.vtk",
             "vtk-poly-binary.vtk",
             "vtk-grid-text.vtk",

@@ -127,3 +127,15 @@ fn what_cannot_be_read_is_named() {
         assert!(found.contains(expected), "{found}");
     }
 }
+
+#[test]
+fn numbers_of_one_name_are_told_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let properties =
+        ["x", "y", "z", "a", "a", "mass", "m", "m"].map(|name| format!("property float {name}\n")).concat();
+    let text = format!("ply\nformat ascii 1.0\nelement vertex 1\n{properties}end_header\n1 2 3 4 5 6 7 8\n");
+    let source = open(&file(folder.path(), "points", text.as_bytes())).unwrap();
+    for (name, expected) in [("a", 4.0), ("a-2", 5.0), ("mass", 6.0), ("m", 7.0), ("m-2", 8.0)] {
+        assert_eq!(read_all(source.as_ref(), 0, name, 1), [expected], "{name}");
+    }
+}

@@ -155,6 +155,15 @@ fn is_the_same_volume(data: &Data, change: &dyn Fn(&mut Shot), mode: &str) {
     let held = session.residency();
     assert!(held.most_bytes <= held.budget_bytes && held.budget_bytes == BUDGETS[0], "{about}: {held:?}");
     told.is_of_memory_alone();
+    // Where pages have room and thick slabs have none.
+    if shot.look.settings.0.contains_key("field") {
+        let mut session = data.session(Some(64 << 20), &told);
+        let picture = session.draw(&shot).unwrap();
+        let Raw::Light(some) = &picture.values else { panic!("{mode}: sums") };
+        let mut pairs = some.colors.rgba.as_flattened().iter().zip(all.colors.rgba.as_flattened());
+        assert!(session.residency().budget_bytes > data.bytes() && some.report.slabs > 1, "{:?}", some.report);
+        assert!(pairs.all(|(some, all)| (some - all).abs() <= 1e-6), "{:?}", some.report);
+    }
 }
 
 #[test]
@@ -219,17 +228,26 @@ fn what_needs_everything_at_once_is_drawn_coarser_and_told() {
     let data = data(150_000, Kinds::default());
     let told = Arc::default();
     let mut session = data.session(Some(2 * BUDGETS[0]), &told);
-    let (shot, _) = shot("sorted-splats", Surround::Flat, &mut session);
+    let (mut shot, _) = shot("sorted-splats", Surround::Flat, &mut session);
     let picture = session.draw(&shot).unwrap();
     assert!(!picture.converged && picture.is_coarser && session.lacks_memory());
     let messages = told.0.lock().unwrap().clone();
-    assert!(matches!(&messages[..], [only] if only.contains("--memory") && only.contains("merger.df")), "{messages:?}");
+    let [size, coarser] = &messages[..] else { panic!("{messages:?}") };
+    assert!(size.contains("merger.df: a picture of this size takes") && size.contains("--memory"), "{size}");
+    assert!(coarser.contains("merger.df: ") && coarser.contains("into the 0.4 MiB"), "{coarser}");
     let held = session.residency();
     assert!(held.most_bytes <= held.budget_bytes, "{held:?}");
     // With enough nothing is told.
     let mut session = data.session(Some(1 << 30), &told);
     assert!(session.draw(&shot).unwrap().converged && !session.lacks_memory());
-    assert_eq!(told.0.lock().unwrap().len(), 1);
+    // Pages have less where all that they hold is decoded for it, whatever was drawn before.
+    let shares = ["column-density", "sorted-splats", "column-density", "sorted-splats"].map(|mode| {
+        shot.look.mode = modes::find(mode);
+        assert!(session.draw(&shot).unwrap().converged, "{mode}");
+        session.residency().budget_bytes
+    });
+    assert!(shares[0] == shares[2] && shares[1] == shares[3] && 8 * shares[1] < shares[0], "{shares:?}");
+    assert_eq!(told.0.lock().unwrap().len(), 2);
 }
 
 /// How coarse a picture is depends on the memory alone: not on what was drawn before and is still there, nor on threads, nor on what pictures before it
@@ -248,6 +266,10 @@ fn what_is_drawn_coarser_is_the_same_whatever_was_drawn_before() {
         let mut whole = data.session(None, &Arc::default());
         let (mut shot, _) = shot(mode, Surround::Flat, &mut whole);
         shot.look.transfer = Some(TransferFunction { range, ..TransferFunction::of_volumes(false) });
+        // Fewer layers than usual are as coarse.
+        if mode == "layered" {
+            shot.look.settings.0.insert("layers".into(), SettingValue::Number(16.0));
+        }
         let all = whole.draw(&shot).unwrap();
         assert!(all.converged && !all.is_coarser, "{mode}");
         let mut finer = (0, f64::INFINITY);
@@ -381,6 +403,16 @@ fn volumes_that_do_not_fit_are_drawn_in_slabs_where_an_adapter_is_asked_for() {
         assert!(open(None).draw(&shot).is_err_and(|error| error.to_string().contains("the adapter")), "{mode}");
     }
     assert_eq!(draws.load(Ordering::Relaxed), 0);
+    // Nothing is decoded for what an adapter draws, and pages have the room.
+    let (shot, _) = shot("spheres", Surround::Flat, &mut alone);
+    let budgets = [Backend::Compute, Backend::Cpu].map(|backend| {
+        let options =
+            SessionOptions { page_memory: Some(1 << 30), backend: Some(backend), ..SessionOptions::default() };
+        let mut session = data.open(options, &told).with_adapter(Some(Box::new(Counting(draws.clone()))));
+        assert_eq!(session.draw(&shot).is_ok(), backend == Backend::Cpu);
+        session.residency().budget_bytes
+    });
+    assert!(budgets[0] == 1 << 29 && 8 * budgets[1] < budgets[0], "{budgets:?}");
     let messages = told.0.lock().unwrap();
     let of_it = messages.iter().filter(|message| message.contains("are drawn by the processor")).count();
     assert_eq!(of_it, 1, "{messages:?}");
@@ -408,4 +440,15 @@ fn what_is_read_ahead_takes_no_room_from_what_is_drawn() {
     let after = scene.streamer.residency.statistics();
     assert!(after.bytes > before.bytes && after.most_bytes <= after.budget_bytes, "{before:?} {after:?}");
     assert!(drawn.nodes.iter().all(|node| scene.streamer.residency.page(node.node.page).is_some()));
+    // A picture begins to read what the next one needs, where that is known.
+    let held = |next: Option<View>| {
+        let mut session = data.session(None, &Arc::default());
+        let (mut near, _) = shot("column-density", Surround::Flat, &mut session);
+        near.camera.fov = Some(1.0);
+        session.look_ahead(next);
+        session.draw(&near).unwrap();
+        session.residency().most_bytes
+    };
+    let [alone, with_next] = [None, Some(view(20.0))].map(held);
+    assert!(with_next > alone, "{alone} bytes alone, {with_next} with the next picture's");
 }

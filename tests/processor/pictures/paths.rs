@@ -68,7 +68,6 @@ fn cuts_cut_paths_in_all_directions() {
     };
     let camera = ["--eye", "0,0,0", "--target", "0,0,-1"];
     let map = ["--projection", "equirectangular", "--size", "256x128"];
-    let dome = ["--projection", "dome", "--aperture", "360", "--size", "128x128"];
     let clip = "cut: (clip: (min: (0.0, -1000.0, -1000.0), max: (1000.0, 1000.0, 1000.0))),";
     let green = |image: &Image, range: std::ops::Range<usize>| {
         // Without the poles, where widths are as wide as the map.
@@ -82,15 +81,18 @@ fn cuts_cut_paths_in_all_directions() {
     assert_eq!(green(&cut, 6..122), 0);
     assert!(green(&cut, 134..250) > 500 && green(&whole, 6..122) > 500);
     // Over sums, among a volume, and as a cube: they are there, too.
-    for (mode, projection) in [
-        ("column-density", &map[..]),
-        ("volume", &dome[..]),
-        ("density-squared", &["--projection", "cube", "--size", "64x64"]),
-        ("layered", &["--projection", "cube", "--layout", "strip", "--size", "64x64"]),
-    ] {
-        let (picture, tracks) = drawn(folder, &config("", mode), &[&camera[..], projection].concat());
+    let map = ["--projection", "equirectangular", "--size", "128x64"];
+    let dome = ["--projection", "dome", "--aperture", "360", "--size", "96x96"];
+    let cube = ["--projection", "cube", "--size", "48x48"];
+    // Of few layers.
+    let strip = [&cube[..], &["--layout", "strip", "--set", "layers=16"]].concat();
+    for (mode, projection) in
+        [("column-density", &map[..]), ("volume", &dome[..]), ("density-squared", &cube[..]), ("layered", &strip[..])]
+    {
+        let arguments = [&camera[..], projection].concat();
+        let (picture, tracks) = drawn(folder, &config("", mode), &arguments);
         let none = config("", mode).replace("of: all", "of: none");
-        let (without, _) = drawn(folder, &none, &[&camera[..], projection].concat());
+        let (without, _) = drawn(folder, &none, &arguments);
         // What is bright without them is yellow.
         let green = |[r, g, ..]: &[u8; 4]| i32::from(*g) - i32::from(*r);
         let greener = |(a, b): (&[u8; 4], &[u8; 4])| green(a) > green(b) + 40;

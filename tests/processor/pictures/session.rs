@@ -1,7 +1,9 @@
 //! One way to a picture: what a session draws of a shot is what a tour blends and what ranges are found for, in every mode, of pages
 //! and of source particles.
 
-use crate::support::{Random, Told, built_from_dataset, dataset_of, demo, gas, in_repository, write_demo_pages};
+use crate::support::{
+    Random, Told, built_from_dataset, dataset_of, demo, gas, in_repository, write_box, write_demo_pages,
+};
 use deepfield::codec::VqBits;
 use deepfield::cpu::Method;
 use deepfield::hierarchy::Kinds;
@@ -18,9 +20,9 @@ use std::sync::Arc;
 
 const SIZE: (u32, u32) = (90, 60);
 
-/// A session on the demo data, of its pages or of its source.
-fn session(folder: &Path, exact: Option<Method>) -> Session {
-    session_with(folder, SessionOptions { exact, ..SessionOptions::default() })
+/// A session on the demo data's pages.
+fn session(folder: &Path) -> Session {
+    session_with(folder, SessionOptions::default())
 }
 
 fn session_with(folder: &Path, options: SessionOptions) -> Session {
@@ -50,13 +52,17 @@ fn every_mode_comes_to_the_same_picture_and_ranges_on_every_way() {
     // What usually are many comes to the same on every way where it is few, too.
     const FEW: [(&str, &str, f64); 2] = [("cartesian", "cells", 64.0), ("layered", "layers", 16.0)];
     let folder = tempfile::tempdir().unwrap();
+    let (pages, source) = (write_box(folder.path()), folder.path().join("box.gadget2"));
     let of_pages: Vec<_> =
         modes::all().into_iter().filter(|mode| mode.takes_particles() && !mode.is_of_paths()).collect();
     // Light has no method of its own where it is drawn from the source: a volume and splats are all of it.
     let mut of_source = of_pages.clone();
     of_source.retain(|mode| !mode.is_light() || ["volume", "sorted-splats"].contains(&mode.name));
     for (exact, modes) in [(None, of_pages), (Some(Method::Pyramid), of_source)] {
-        let mut session = session(folder.path(), exact);
+        let options = SessionOptions { exact, ..SessionOptions::default() };
+        let page_file = |_: &Path| -> Result<_, PictureError> { Ok(pages.clone()) };
+        let member = [Member::new(&source)];
+        let mut session = Session::open(&member, options, [&Shot::default()], page_file, Arc::new(())).unwrap();
         for mode in modes {
             let (mut shot, camera) = shot(mode, &mut session);
             shot.size = Some(SIZE);
@@ -81,7 +87,7 @@ fn every_mode_comes_to_the_same_picture_and_ranges_on_every_way() {
 #[test]
 fn a_film_shows_the_picture_before_then_its_own() {
     let folder = tempfile::tempdir().unwrap();
-    let mut session = session(folder.path(), None);
+    let mut session = session(folder.path());
     let (before, camera) = shot(modes::find("points").unwrap(), &mut session);
     let (own, _) = shot(modes::find("volume").unwrap(), &mut session);
     let [before_image, own_image] =
@@ -190,7 +196,7 @@ fn that_there_are_no_paths_is_told_once() {
     let folder = tempfile::tempdir().unwrap();
     let told = Arc::new(Told::default());
     let reporter: Arc<dyn Reporter> = told.clone();
-    let mut session = session(folder.path(), None).with_reporter(reporter);
+    let mut session = session(folder.path()).with_reporter(reporter);
     let of_paths = || told.0.lock().unwrap().iter().filter(|message| message.contains("paths")).count();
     let (alone, _) = shot(modes::find("paths").unwrap(), &mut session);
     let why = session.draw(&alone).err().unwrap().to_string();
@@ -231,7 +237,7 @@ fn families_without_the_attribute_are_told() {
 #[test]
 fn what_does_not_fit_says_why() {
     let folder = tempfile::tempdir().unwrap();
-    let mut session = session(folder.path(), None);
+    let mut session = session(folder.path());
     let (shot, _) = shot(modes::find("column-density").unwrap(), &mut session);
     let family = |name: &str| FamilyName::parse(name).map(|name| vec![name]);
     let absent = Shot { look: LookPatch { families: family("stars"), ..shot.look.clone() }, ..shot.clone() };
@@ -253,7 +259,7 @@ fn what_does_not_fit_says_why() {
 fn clusters_are_as_many_as_time_and_error_ask_for() {
     let folder = tempfile::tempdir().unwrap();
     write_demo_pages(&folder.path().join("demo.df"), Kinds::of_particles());
-    let mut session = session(folder.path(), None);
+    let mut session = session(folder.path());
     let (shot, _) = shot(&modes::column_density::MODE, &mut session);
     let mut with = |name: &str, value: f64| {
         let mut shot = shot.clone();

@@ -4,17 +4,24 @@
 use super::{open, pages_apart, place, served, some_page};
 use crate::support::fault_server::{Fault, FaultServer};
 use deepfield::store::{NodeRef, PageFile, PageId};
-use deepfield::stream::{StreamOptions, Streamer};
+use deepfield::stream::{LookAhead, StreamOptions, Streamer};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 fn streamer(file: &Arc<PageFile>) -> Streamer {
-    Streamer::new(Arc::clone(file), StreamOptions { budget: u64::MAX, prefetch: false, ..StreamOptions::default() })
+    // All that is read at a time may be read ahead, as far as a link lets it.
+    let ahead = LookAhead { share: 1.0, ..LookAhead::default() };
+    let options = StreamOptions { budget: u64::MAX, prefetch: false, ahead, ..StreamOptions::default() };
+    Streamer::new(Arc::clone(file), options)
+}
+
+fn nodes(pages: &[PageId]) -> impl Iterator<Item = NodeRef> {
+    pages.iter().map(|&page| NodeRef { page, node: 0 })
 }
 
 /// Asks for pages and nothing else.
 fn hold(streamer: &mut Streamer, pages: &[PageId]) {
-    assert!(streamer.hold(pages.iter().map(|&page| NodeRef { page, node: 0 })));
+    assert!(streamer.hold(nodes(pages)));
 }
 
 /// Waits until so many of these pages have been asked for. Those that have been, in their order in the file.
@@ -74,6 +81,29 @@ fn what_is_no_longer_wanted_is_not_asked_for() {
     }
     assert_eq!(asked(&server, &pages, under_way.len()), under_way);
     assert!(under_way.iter().all(|page| streamer.residency.page(*page).is_some()));
+}
+
+#[test]
+fn reading_ahead_has_half_of_the_requests_at_most_and_the_rest_is_for_what_is_missed() {
+    let server = served();
+    let file = open(&server);
+    let (pages, at_once) = (pages_apart(&file), file.reads_at_once().unwrap());
+    let (missed, later) = pages.split_at(at_once);
+    let half = at_once / 2;
+    assert!(half > 0 && later.len() > half, "{pages:?} are too few for this test");
+    server.answer(|_| Fault::Stall);
+    let mut streamer = streamer(&file);
+    streamer.read_ahead(nodes(later));
+    assert_eq!(streamer.serve().started, later[..half]);
+    assert_eq!(asked(&server, &pages, half), later[..half]);
+    // Other frames that miss nothing ask for no more of them.
+    streamer.read_ahead(nodes(later));
+    assert!(streamer.serve().started.is_empty());
+    // What is missed does not wait for them: at least as many requests as theirs are left for it.
+    hold(&mut streamer, missed);
+    assert_eq!(streamer.serve().started, missed);
+    assert_eq!(asked(&server, &pages, at_once), [&missed[..at_once - half], &later[..half]].concat());
+    server.answer(|_| Fault::Sound);
 }
 
 #[test]

@@ -33,6 +33,18 @@ impl Seen {
         }
     }
 
+    /// Nothing yet of so many columns.
+    pub fn none(columns: usize) -> Seen {
+        Seen { ranges: vec![Range::EMPTY; columns], samples: vec![Vec::new(); columns] }
+    }
+
+    /// With what is known of the bucket that comes next.
+    pub fn with(mut self, bucket: Seen) -> Seen {
+        self.ranges.iter_mut().zip(bucket.ranges).for_each(|(own, next)| *own = own.with(next));
+        self.samples.iter_mut().zip(bucket.samples).for_each(|(own, next)| own.extend(next));
+        self
+    }
+
     /// Whether it is of so many columns; else what was found and expected.
     pub fn check(&self, columns: usize) -> Result<(), String> {
         expect("ranges", self.ranges.len(), columns)?;
@@ -147,12 +159,7 @@ fn in_reading_order(order: &[u32], sorted: &[f32]) -> Vec<f32> {
 
 /// What is known of a number of columns of all buckets, in their order.
 pub(super) fn sum(buckets: impl IntoIterator<Item = Seen>, columns: usize) -> Seen {
-    let mut all = Seen { ranges: vec![Range::EMPTY; columns], samples: vec![Vec::new(); columns] };
-    for bucket in buckets {
-        all.ranges.iter_mut().zip(bucket.ranges).for_each(|(all, own)| *all = all.with(own));
-        all.samples.iter_mut().zip(bucket.samples).for_each(|(all, own)| all.extend(own));
-    }
-    all
+    buckets.into_iter().fold(Seen::none(columns), Seen::with)
 }
 
 /// Counts the values of some columns of some buckets for their histograms ([`super::partition::histograms`]).

@@ -89,8 +89,7 @@ impl Memory {
         let rest = rest.saturating_sub(waiting.min(count * while_waiting(particle)));
         let workers = (rayon::current_num_threads() as u64).min((rest / 2) / bucket.max(1)).max(1);
         let building = (workers * bucket).min(rest);
-        // A fifth is left to the allocator's gaps.
-        let room = (rest - building) / 5 * 4;
+        let room = room(rest - building);
         let for_particles = count * particle;
         let for_nodes = (count as f64 * node_particles(options) * (4.0 * (3 + attributes) as f64 + 6.0)) as u64;
         let share = |needed: u64| (room as f64 * needed as f64 / (for_particles + for_nodes).max(1) as f64) as u64;
@@ -109,7 +108,7 @@ impl Memory {
         let rest = beside(allowed, held);
         Memory {
             folder: folder.to_owned(),
-            particles: rest / 5 * 4,
+            particles: room(rest),
             waiting: 0,
             nodes: rest / 4,
             on_disk: 0,
@@ -119,26 +118,20 @@ impl Memory {
         }
     }
 
-    /// The same of a task that cannot do with less than it holds.
+    /// Bytes that are left to a task which cannot do with less than it holds.
     ///
     /// # Errors
     /// When that is more than a task of `out` may take; `what` needs it.
-    pub fn of_whole(
-        allowed: u64,
-        folder: &Path,
-        attributes: usize,
-        held: u64,
-        (what, out): (&str, &Path),
-    ) -> Result<Memory, BuildError> {
+    pub fn left(allowed: u64, held: u64, (what, out): (&str, &Path)) -> Result<u64, BuildError> {
         // So much the program takes itself.
         if held > beside(allowed, 0).max(BASE) {
             let needed = held.saturating_add(BASE).div_ceil(1 << 20);
             return Err(BuildError::Memory { path: out.to_owned(), what: what.to_owned(), needed, allowed });
         }
-        Ok(Memory::of_task(allowed, folder, attributes, held))
+        Ok(room(beside(allowed, held)))
     }
 
-    /// The same of a task that sorts so many particles, of `all` of the job, into so many buckets.
+    /// The same as [`Memory::of_task`] of a task that sorts so many particles, of `all` of the job, into so many buckets.
     ///
     /// # Errors
     /// When the buckets, each with room for as few particles as may be, take more than a task of `out` may.
@@ -185,6 +178,11 @@ impl Memory {
     /// Bytes that a task holds which reads the particles of so many buckets: where each of `tasks` has put some of them.
     pub fn shares(buckets: usize, tasks: u32) -> u64 {
         (buckets as u64).saturating_mul(HELD_BUCKET + u64::from(tasks) * HELD_SHARE)
+    }
+
+    /// Bytes that a task holds which sums up what was found in so many columns of so many buckets: the samples of all, in a list that grows.
+    pub fn found(buckets: usize, columns: usize) -> u64 {
+        (buckets as u64).saturating_mul(2 * JOB_FOUND * columns as u64)
     }
 
     /// Bytes that the files of a job's tasks take at most, about, for a family with so many columns that `input` tasks read, and whose buckets
@@ -239,6 +237,11 @@ impl Memory {
 /// Bytes that are left of what a process may take beside the program and bytes that it holds whatever that is.
 fn beside(allowed: u64, held: u64) -> u64 {
     allowed.saturating_sub(BASE.min(allowed / 3).saturating_add(held))
+}
+
+/// Bytes that work may use of those that are left: a fifth is for the allocator's gaps.
+fn room(rest: u64) -> u64 {
+    rest / 5 * 4
 }
 
 /// Bytes that a particle of so many takes while it waits in a bucket: room doubles as particles come.
@@ -337,13 +340,19 @@ mod tests {
 
     #[test]
     fn tasks_that_hold_too_much_say_with_how_much_memory_they_would_not() {
-        let of =
-            |allowed: u64| Memory::of_whole(allowed, Path::new(""), 1, 5 << 30, ("stage join", Path::new("huge.df")));
+        let of = |allowed: u64| Memory::left(allowed, 5 << 30, ("stage join", Path::new("huge.df")));
         let told = of(5 << 30).unwrap_err().to_string();
         assert!(told.starts_with("huge.df: stage join takes about 5216 MiB of memory"), "{told}");
-        assert_eq!(of(5216 << 20).unwrap().particles, 0);
+        assert_eq!(of(5216 << 20).unwrap(), 0);
         // Of few nodes the program takes more.
-        assert!(Memory::of_whole(0, Path::new(""), 1, BASE, ("stage join", Path::new("small.df"))).is_ok());
+        assert_eq!(Memory::left(0, BASE, ("stage join", Path::new("small.df"))).unwrap(), 0);
+    }
+
+    /// 10^12 particles without densities in buckets of 2^20.
+    #[test]
+    fn samples_of_what_was_found_are_counted() {
+        let scale = |allowed: u64| Memory::left(allowed, Memory::found(953_674, 2), ("stage scale", Path::new("")));
+        assert!(scale(12 << 30).is_err() && scale(16 << 30).is_ok());
     }
 
     #[test]

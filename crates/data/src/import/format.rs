@@ -234,6 +234,7 @@ fn format_at(path: &Path) -> Result<&'static dyn Format, ImportError> {
     }
     let head = Head::read(path)?;
     let unknown = || match head.to_unpack {
+        None if head.length == 0 && head.bytes.is_empty() => ImportError::malformed(path, "length", "0 bytes", "data"),
         None => ImportError::Unrecognised { path: path.into(), expected: names_of_all() },
         Some((packing, format)) => {
             let (name, command) = packing.described();

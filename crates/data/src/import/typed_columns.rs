@@ -41,6 +41,15 @@ pub(super) enum Meaning {
         /// Value of 0.
         first: f64,
     },
+    /// As above, but where the number is `none`, which stands for no value.
+    LinearUnless {
+        /// As above.
+        factor: f64,
+        /// As above.
+        first: f64,
+        /// As it is stored.
+        none: f64,
+    },
     /// These bits of a whole number from 0 to 255.
     Bits(u8),
     /// A density: the mass of the run by the cube of the number by `factor`.
@@ -104,21 +113,21 @@ pub(super) struct FieldList {
 }
 
 impl FieldList {
-    /// Adds a field of a kind. Of several of one name or one kind the first counts; others keep the source's name.
+    /// Adds a field of a kind. Of several of one name or one kind the first counts; others keep the source's name, numbered where that is
+    /// taken, too.
     pub(super) fn push(&mut self, name: &str, stored_as: &str, kind: FieldKind, components: Vec<Component>) {
-        let is_taken = |field: &Field| field.name == name || (kind != FieldKind::Other && field.kind == kind);
-        let (name, kind) = match self.fields.iter().any(|(field, _)| is_taken(field)) {
-            true => (stored_as, FieldKind::Other),
-            false => (name, kind),
+        let is_free = |name: &str| !self.fields.iter().any(|(field, _)| field.name == name);
+        let is_first = kind == FieldKind::Other || !self.fields.iter().any(|(field, _)| field.kind == kind);
+        // Names are counted, so that many of one name are not all tried for each.
+        let same = self.fields.iter().filter(|(field, _)| field.stored_as == stored_as).count().max(1);
+        let numbered = || (same + 1..).map(|number| format!("{stored_as}-{number}")).find(|name| is_free(name));
+        let (name, kind) = match (is_first && is_free(name), is_free(stored_as)) {
+            (true, _) => (name.to_owned(), kind),
+            (false, true) => (stored_as.to_owned(), FieldKind::Other),
+            (false, false) => (numbered().unwrap_or_default(), FieldKind::Other),
         };
-        let field = Field {
-            name: name.into(),
-            stored_as: stored_as.into(),
-            unit: Unit::default(),
-            components: components.len(),
-            kind,
-        };
-        self.fields.push((field, components));
+        let (stored_as, unit) = (stored_as.to_owned(), Unit::default());
+        self.fields.push((Field { name, stored_as, unit, components: components.len(), kind }, components));
     }
 
     /// Adds a scalar: what a table's column of that name is, else an attribute. Ids are whole numbers.
@@ -350,7 +359,8 @@ impl Meaning {
     fn of(self, number: f64, mass: f64) -> f64 {
         match self {
             Meaning::AsStored => number,
-            Meaning::Linear { factor, first } => factor * number + first,
+            Meaning::LinearUnless { none, .. } if number == none => f64::NAN,
+            Meaning::Linear { factor, first } | Meaning::LinearUnless { factor, first, .. } => factor * number + first,
             Meaning::Bits(bits) => f64::from(number as u8 & bits),
             Meaning::MassOverCube { factor } => mass * (factor / number).powi(3),
         }

@@ -42,6 +42,37 @@ fn tables_of_other_programs_hold_what_they_say() {
 }
 
 #[test]
+fn directions_are_known_by_the_names_of_archives() {
+    let folder = tempfile::tempdir().unwrap();
+    for (names, row) in [
+        ("RAJ2000,DEJ2000", "90,0"),
+        ("RA_ICRS,DE_ICRS", "90,0"),
+        ("_RAJ2000,_DEJ2000", "90,0"),
+        // What VizieR adds comes after what a catalogue has.
+        ("_RAJ2000,_DEJ2000,RA_ICRS,DE_ICRS", "45,45,90,0"),
+        ("_RAJ2000,_DEJ2000,ra,dec", "06 00 00.0,+00 00 00,90,0"),
+    ] {
+        let text = format!("{names},Plx\n{row},500\n");
+        let source = open(&file(folder.path(), "table", text.as_bytes())).unwrap_or_else(|error| panic!("{error}"));
+        let place = values(&*source, "position");
+        let is_near = place.iter().zip([0.0, 2.0, 0.0]).all(|(found, expected)| (found - expected).abs() < 1e-12);
+        assert!(is_near && place.len() == 3, "{names}: {place:?}");
+    }
+}
+
+#[test]
+fn columns_of_one_name_are_told_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = b"x,y,z,vx,vy,vz,a,a,velocity\n1,2,3,0,0,1,5,6,7\n";
+    let source = open(&file(folder.path(), "table", text)).unwrap();
+    for (name, expected) in [("a", 5.0), ("a-2", 6.0), ("velocity-2", 7.0)] {
+        assert_eq!(values(&*source, name), [expected], "{name}");
+    }
+    let notes = source.description().notes.join("\n");
+    assert!(notes.contains("there is another a, called a-2\n"), "{notes}");
+}
+
+#[test]
 fn names_in_a_comment_are_those_of_a_row_in_which_all_is_missing() {
     let folder = tempfile::tempdir().unwrap();
     let text = b"#name,x,y,z,a\nA,nan,nan,nan,nan\nB,1,2,3,5\n";

@@ -168,7 +168,7 @@ mod tests {
         let transfer = TransferFunction { range, ..TransferFunction::of_volumes(false) };
         let (mode, transfer) = (Some(mode), Some(transfer));
         let look = LookPatch { mode, settings, transfer, error_px: Some(0.2), ..LookPatch::default() };
-        Shot { look, camera, size: Some((160, 128)), ..Shot::default() }
+        Shot { look, camera, size: Some((120, 96)), ..Shot::default() }
     }
 
     fn camera(eye: [f64; 3]) -> CameraConfig {
@@ -241,6 +241,8 @@ mod tests {
             let draw = |own: &[(&str, SettingValue)]| {
                 let own = [&surfaces[..], own].concat();
                 let shot = shot(mode, camera([0.9, 0.7, 2.9]), RANGE, &own);
+                // As fine as the shadows of rough surfaces.
+                let shot = Shot { size: Some((160, 128)), ..shot };
                 Session::of(Arc::clone(&file), u64::MAX).draw(&shot).unwrap()
             };
             let plain = draw(&[]);

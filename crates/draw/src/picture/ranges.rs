@@ -1,6 +1,7 @@
 //! The ranges of a look's colours, found without the picture itself: a tour finds them in advance, and so they are the same for a
 //! window and for a recording of any size.
 
+use super::account::Task;
 use super::error::PictureError;
 use super::projected::Projector;
 use super::session::Session;
@@ -56,6 +57,7 @@ impl Session {
     /// As [`Session::draw`].
     pub fn ranges(&mut self, look: &LookPatch, camera: &Camera, format: Format) -> Result<Measured, PictureError> {
         let (tree, depiction, transfer) = self.show(look)?;
+        self.share_memory(Task::of(&depiction.blended(), format.size, !format.surround.is_flat()));
         let metadata = tree.metadata();
         let (width, height) = format.measured_size(depiction.footprint());
         let middle = if format.surround.is_flat() { camera.target } else { camera.eye };

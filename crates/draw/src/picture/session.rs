@@ -99,9 +99,8 @@ pub struct Session {
     scene: Scene,
     /// What pages of what is open may take.
     budget_bytes: u64,
-    /// Whether sums whose pages take more are drawn in passes, and volumes in slabs; else they are drawn coarser, as all else is.
-    draws_in_passes: bool,
-    /// The shares of the memory that is kept to then.
+    /// The shares of the memory that is kept to: sums whose pages take more than theirs are drawn in passes then, and volumes in slabs. Without
+    /// any they are drawn coarser, as all else is.
     account: Option<Account>,
     /// What the first picture of some families shows, since that takes reading.
     framed: Option<(Vec<u32>, Bounds)>,
@@ -122,6 +121,8 @@ pub struct Session {
     /// What the picture that was drawn last had no memory for, and whether that was told of any.
     shortage: Shortage,
     has_told_of_memory: bool,
+    /// The most that a picture was told to take whatever the memory, MiB.
+    told_mebibytes: u64,
     reporter: Arc<dyn Reporter>,
 }
 
@@ -140,11 +141,12 @@ impl Session {
     ) -> Result<Session, PictureError> {
         if options.exact.is_none() {
             let opened = OpenData::open(members, options.read, page_file)?;
-            let account = options.page_memory.map(|memory| Account::of(memory, Task::of(shots)));
+            // Each picture has shares of its own.
+            let account = options.page_memory.map(|memory| Account::of(memory, Task::default()));
             let budget_bytes = account.map_or(u64::MAX, |account| account.pages);
             let (session, notes) = Session::of_opened_within(opened, members.to_vec(), budget_bytes)?;
             notes.into_iter().for_each(|note| reporter.tell(note));
-            return Ok(Session { draws_in_passes: account.is_some(), account, options, reporter, ..session });
+            return Ok(Session { account, options, reporter, ..session });
         }
         let from = |shot: &'a Shot| shot.film.as_ref().and_then(|film| Some(&film.from.as_ref()?.look));
         let looks = shots.into_iter().flat_map(|shot| [Some(&shot.look), from(shot)]).flatten();
@@ -194,7 +196,6 @@ impl Session {
             members: Vec::new(),
             scene,
             budget_bytes,
-            draws_in_passes: false,
             account: None,
             data,
             opened: None,
@@ -212,6 +213,7 @@ impl Session {
             has_told_of_levels: false,
             shortage: Shortage::default(),
             has_told_of_memory: false,
+            told_mebibytes: 0,
             reporter: Arc::new(()),
         }
     }
@@ -301,6 +303,13 @@ impl Session {
         }
         self.check_levels(&depiction, tree.metadata())?;
         self.check_blend(&depiction, shot)?;
+        let has_paths_in_it = depiction.mode.technique.takes_paths() && self.has_paths(&shot.look);
+        let (drawn_as, as_a_whole) = (depiction.blended(), shot.is_projected() || has_paths_in_it);
+        let task = Task::of(&drawn_as, shot.size(), as_a_whole);
+        let may_be_on_adapter = self.account.is_some() && ground.is_none() && !as_a_whole;
+        let on_adapter = may_be_on_adapter && self.is_on_adapter(&drawn_as);
+        self.share_memory(if on_adapter { task.on_adapter() } else { task });
+        let depiction = self.within_slabs(depiction);
         let view = shot.view(framed, tree.metadata().periodic_box())?;
         let shown = Shown { shot, view, framed, depiction: &depiction, transfer: &transfer, ground };
         let mut drawn = match shot.is_projected() {

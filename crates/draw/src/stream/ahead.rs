@@ -26,6 +26,18 @@ impl Default for LookAhead {
     }
 }
 
+impl LookAhead {
+    /// How many of the pages read at a time may be ones that nothing misses yet.
+    pub fn reads(&self, at_once: usize) -> usize {
+        (self.share * at_once as f64).ceil() as usize
+    }
+
+    /// The same over a link, where what is missed waits for what was asked for before it: half of them at most.
+    pub fn reads_over_link(&self, at_once: usize) -> usize {
+        self.reads(at_once).min(at_once / 2)
+    }
+}
+
 /// The pages within the sphere, each with the way that the camera has to move until it needs them (world units).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ahead {
@@ -102,4 +114,25 @@ pub fn ahead(
     let mut ahead = Ahead { resident, missing, distance_world };
     ahead.sort(pages);
     ahead
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_link_reads_half_ahead_at_most_whatever_the_share() {
+        for share in [0.0, 0.1, 0.5, 0.8, 1.0] {
+            let ahead = LookAhead { share, ..LookAhead::default() };
+            for at_once in 2..=64 {
+                let (reads, over_link) = (ahead.reads(at_once), ahead.reads_over_link(at_once));
+                assert!(2 * over_link <= at_once && over_link <= reads, "{share} of {at_once}: {over_link}");
+                // A small share is one page at least.
+                assert_eq!(over_link > 0, share > 0.0, "{share} of {at_once}");
+                assert!((reads as f64 - share * at_once as f64) < 1.0, "{share} of {at_once}: {reads}");
+            }
+        }
+        assert_eq!([1, 8, 9].map(|at_once| LookAhead::default().reads(at_once)), [1, 4, 5]);
+        assert_eq!([8, 9].map(|at_once| LookAhead::default().reads_over_link(at_once)), [4, 4]);
+    }
 }

@@ -34,6 +34,8 @@ impl Scene {
         tell: &mut dyn FnMut(String),
     ) -> Result<Detail, StoreError> {
         if self.streamer.residency.has_room_for_all() {
+            // What lists have left known would take the room of pages.
+            self.forget_beyond(0);
             return Ok(detail);
         }
         let (tree, most) = (Arc::clone(self.streamer.residency.tree()), self.most(Held::Pages));

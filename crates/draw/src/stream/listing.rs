@@ -192,7 +192,7 @@ mod tests {
         assert!(all.converged && !whole.take_coarser());
         // Less than what all pages tell.
         let budget = whole.outline.bytes() / 4 * 3;
-        let mut scene = Scene::new(file, budget);
+        let mut scene = Scene::new(Arc::clone(&file), budget);
         let (selection, _) = scene.outlined(&view, Detail::from(0.0), &|_, _| false, &mut |_| {}).unwrap();
         let known = scene.outline.bytes();
         assert!(!selection.is_converged() && known <= budget, "{known} bytes of {budget}");
@@ -200,5 +200,12 @@ mod tests {
         let (known, nodes) = (scene.outline.bytes(), listing.nodes.len());
         assert!(scene.take_coarser() && known <= budget / 2, "{known} bytes of {budget}");
         assert!(nodes > 0 && nodes < all.nodes.len(), "{nodes} nodes of {}", all.nodes.len());
+        // Nor does it take from pages for which there is just enough.
+        let bytes = (0..file.page_count()).map(|page| file.page_memory(PageId(page))).sum();
+        let mut scene = Scene::new(file, bytes);
+        scene.list(&view, 0.0, &mut |_| {}).unwrap();
+        scene.take_coarser();
+        assert!(scene.outline.bytes() > 0);
+        assert!(scene.converge_blocking(&view, 0.0).unwrap().converged && !scene.take_coarser());
     }
 }

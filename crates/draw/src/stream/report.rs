@@ -1,4 +1,5 @@
-//! What is told about pages that cannot be read: the first ones one by one, and not a flood of them.
+//! What is told about pages that cannot be read: the first ones one by one, and not a flood of them; of a server each cause once, as many pages have
+//! it in common.
 
 use crate::model::is_url;
 use crate::store::{Change, PageId};
@@ -13,6 +14,8 @@ const TOLD: usize = 3;
 pub(crate) struct Report {
     failed: usize,
     failed_roots: usize,
+    /// Why a server does not give pages, as far as it has been told.
+    causes: Vec<String>,
     change: Option<Change>,
     is_stalled: bool,
     messages: Vec<String>,
@@ -26,9 +29,16 @@ impl Report {
 
     /// A page was given up; `why` names file and page.
     pub fn failed(&mut self, path: &Path, why: &str) {
+        let is_afar = is_url(path);
+        let cause = cause_of(why);
+        if is_afar && self.causes.iter().any(|told| told == cause) {
+            return;
+        }
         self.failed += 1;
         if self.failed <= TOLD {
-            self.messages.push(format!("{why}; the picture is coarser there"));
+            let others = if is_afar { ", and wherever else that is so" } else { "" };
+            self.messages.push(format!("{why}; the picture is coarser there{others}"));
+            self.causes.push(cause.to_owned());
         } else if self.failed == TOLD + 1 {
             let path = path.display();
             self.messages.push(format!("{path}: more pages cannot be read; the picture is coarser there"));
@@ -73,6 +83,12 @@ impl Report {
     }
 }
 
+/// Why a page cannot be read, of a message that names file and page before.
+fn cause_of(why: &str) -> &str {
+    let behind = why.split_once(": page ").and_then(|(_, page)| page.split_once(": "));
+    behind.map_or(why, |(_, cause)| cause)
+}
+
 /// Who answers reads of a file.
 fn answering(path: &Path) -> &'static str {
     if is_url(path) { "the server" } else { "the disk" }
@@ -92,6 +108,16 @@ mod tests {
         let told: Vec<_> =
             (0..100).filter_map(|page| report.failed_root(path, &format!("a.df: page {page}: gone"))).collect();
         assert!(told.len() == TOLD + 1 && told[0].contains("page 0") && told[TOLD].contains("more pages"), "{told:?}");
+        let (mut of_server, url) = (Report::default(), Path::new("https://data.example/a.df"));
+        for page in 0..100 {
+            let cause = ["asks for a token", "has a fault of its own"][page % 2];
+            of_server.failed(url, &format!("{}: page {page}: cannot be read: data.example {cause}", url.display()));
+        }
+        let told = of_server.take();
+        assert!(told.len() == 2 && told[0].contains("page 0: ") && told[1].contains("page 1: "), "{told:?}");
+        // Causes without end are not told without end.
+        (0..100).for_each(|page| of_server.failed(url, &format!("a.df: page {page}: found {page}")));
+        assert_eq!(of_server.take().len(), TOLD + 1 - 2);
         (0..9).for_each(|page| report.stalled(path, PageId(page), Duration::from_secs(5)));
         report.answered(path);
         report.answered(path);

@@ -136,6 +136,15 @@ impl Residency {
         std::mem::take(&mut self.was_over_budget)
     }
 
+    /// Resident pages may take so much from now on; those that the frame does not use make room for it.
+    pub fn set_budget(&mut self, budget_bytes: u64) {
+        if budget_bytes != self.budget_bytes {
+            self.budget_bytes = budget_bytes;
+            self.has_room_for_all = OnceLock::new();
+            self.make_room(0, Demand::Miss);
+        }
+    }
+
     /// So many bytes of the budget are taken by something else from now on; pages that the frame does not use make room for it.
     pub fn set_aside(&mut self, bytes: u64) {
         self.aside_bytes = bytes;
@@ -145,13 +154,16 @@ impl Residency {
 
     /// Whether the budget has room for all pages of the tree at once.
     pub fn has_room_for_all(&self) -> bool {
-        *self.has_room_for_all.get_or_init(|| {
-            let add = |sum: u64, page: u32| {
-                let sum = sum.checked_add(self.tree.page_memory(PageId(page)))?;
-                (sum <= self.budget_bytes).then_some(sum)
-            };
-            self.budget_bytes == u64::MAX || (0..self.tree.page_count()).try_fold(0, add).is_some()
-        })
+        *self.has_room_for_all.get_or_init(|| self.budget_bytes == u64::MAX || self.all_take_at_most(self.budget_bytes))
+    }
+
+    /// Whether all pages of the tree take no more than so many bytes together.
+    pub fn all_take_at_most(&self, bytes: u64) -> bool {
+        let add = |sum: u64, page: u32| {
+            let sum = sum.checked_add(self.tree.page_memory(PageId(page)))?;
+            (sum <= bytes).then_some(sum)
+        };
+        (0..self.tree.page_count()).try_fold(0, add).is_some()
     }
 
     /// The tree.

@@ -306,8 +306,7 @@ impl Streamer {
 
     /// Begins to read what is missing.
     pub fn serve(&mut self) -> Served {
-        let (in_flight, waiting, share) = self.at_once();
-        let in_advance = (share * in_flight as f64).ceil() as usize;
+        let (in_flight, waiting, in_advance) = self.at_once();
         let mut started = Vec::new();
         while let Some(page) = self.residency.next_to_load(in_flight + waiting, in_advance) {
             self.loader.start(page);
@@ -365,13 +364,19 @@ impl Streamer {
         self.pace.prefetch_distance(self.residency.tree().largest_page_bytes(), &self.options.ahead)
     }
 
-    /// How many pages are read at a time, how many more wait for that, and the share of the former that may be read ahead of time: as is
-    /// set, or as a link takes them.
-    fn at_once(&self) -> (usize, usize, f64) {
+    /// How many pages are read at a time, how many more wait for that, and how many of the former may be read ahead of time: as is set, or
+    /// as a link takes them.
+    fn at_once(&self) -> (usize, usize, usize) {
         let (StreamOptions { in_flight, ahead, .. }, tree) = (&self.options, self.residency.tree());
-        match tree.reads_at_once().map(|reads| reads.min(MOST_READS)) {
-            Some(reads) => (reads, reads.max(WAITING), ahead.share.min(0.5)),
-            None => (in_flight * tree.pages_at_once(), 0, ahead.share),
+        match tree.reads_at_once() {
+            Some(reads) => {
+                let reads = reads.min(MOST_READS);
+                (reads, reads.max(WAITING), ahead.reads_over_link(reads))
+            }
+            None => {
+                let reads = in_flight * tree.pages_at_once();
+                (reads, 0, ahead.reads(reads))
+            }
         }
     }
 

@@ -4,7 +4,7 @@ use super::exposure::is_searched;
 use super::{Exposure, State, Surroundings, Timeline, TourFile, play_along};
 use crate::annotate::overlay::{Overlay, read_png};
 use crate::color::{Image, output};
-use crate::look::{Camera, DatasetRef, Film, LookPatch, Member, SceneFile, Shot};
+use crate::look::{Camera, DatasetRef, Film, LookPatch, Member, SceneFile, Shot, file_among};
 use crate::picture::ranges::Format;
 use crate::picture::{AnySession, Picture, Session};
 use std::path::{Path, PathBuf};
@@ -90,6 +90,23 @@ impl Show {
             folder: folder.canonicalize().unwrap_or(folder),
             is_coarser: false,
         })
+    }
+
+    /// Looks whether frames would be written over the data, or over what the tour names, before any is.
+    ///
+    /// # Errors
+    /// One line with the first of the files `frames` for which they would.
+    pub fn check_written(&self, frames: &[PathBuf]) -> Result<(), Failure> {
+        // Only its folder counts.
+        let mut read = self.tour.files(&self.folder.join("tour"));
+        read.push(self.data.path.clone());
+        match file_among(frames.iter().map(PathBuf::as_path), &read) {
+            Some(over) => {
+                let over = over.display();
+                Err(format!("{over}: cannot be written: found a file that is read, expected another folder").into())
+            }
+            None => Ok(()),
+        }
     }
 
     /// How long it is, seconds.

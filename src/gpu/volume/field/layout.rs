@@ -11,6 +11,10 @@ use glam::DVec3;
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FieldUniform {
+    /// Samples of the level along each axis.
+    pub shape: [u32; 3],
+    /// The level's own indices for an index of samples.
+    pub scale: f32,
     /// What a unit of length to the right adds to indices of samples.
     pub right: [f32; 4],
     /// What one upwards adds.
@@ -23,10 +27,6 @@ pub struct FieldUniform {
     pub clip: [f32; 4],
     /// The last indices that belong to the field.
     pub ends: [f32; 4],
-    /// Samples of the level along each axis.
-    pub shape: [u32; 3],
-    /// The level's own indices for an index of samples.
-    pub scale: f32,
     /// Blocks of its samples along each axis.
     pub blocks: [u32; 3],
     /// 1: the logarithm of values is placed.
@@ -53,6 +53,10 @@ pub struct FieldLine {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SlopeUniform {
+    /// Samples of the level along each axis.
+    pub shape: [u32; 3],
+    /// The level's own indices for an index of samples.
+    pub scale: f32,
     /// What a unit of length to the right adds to indices of samples.
     pub right: [f32; 4],
     /// What one upwards adds.
@@ -61,10 +65,6 @@ pub struct SlopeUniform {
     pub forward: [f32; 4],
     /// Indices on the middle line of sight at a depth, and that depth.
     pub start: [f32; 4],
-    /// Samples of the level along each axis.
-    pub shape: [u32; 3],
-    /// The level's own indices for an index of samples.
-    pub scale: f32,
     /// Slices of the grid that are filled from it.
     pub slices: u32,
     /// 1: the logarithm of values is placed.

@@ -32,6 +32,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+#[cfg(feature = "remote")]
+mod afar;
+
 /// Patience with threads that open files on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(120);
 

@@ -40,7 +40,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// First bytes of a task's file.
 const MAGIC: [u8; 8] = *b"\x89DFT\r\n\x1a\n";
 /// What is written and read; processes of a job are of one version of the program.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// Bytes of a header.
 const HEADER: usize = 80;
 /// What is wrong with an index that is of something else.

@@ -40,7 +40,7 @@ use crate::store::layout::{ALIGNMENT, MAGIC, PageEntry, StoredNode, align_up};
 use crate::store::paging::{EncodedPage, TOO_LONG};
 use crate::store::writer::{about, ends, is_about};
 use crate::store::{FamilyMetadata, NodeRef, PageId, StoreError};
-use books::{CodedBook, books_by_task};
+use books::{CodedBook, books_by_task, largest_book};
 use division::{balanced, runs, units};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -179,10 +179,9 @@ type Found = Vec<(Seen, Option<Blob>)>;
 /// Where codes of a batch are, and their number.
 type Codes = (Blob, usize);
 
-/// The indices of tasks that code, by unit: where its codes are, what their particles have together, or how often each refined one is; in the end
-/// where its batches are, and sum and maximum of each quantity's errors.
-type CodedUnits = Vec<(usize, (Blob, Sums))>;
-type RefinedUnits = Vec<(usize, (Blob, Vec<u64>))>;
+/// The indices of tasks that code, by unit: where its codes are, and where what their particles have together is, or how often each refined one
+/// is; in the end where its batches are, and sum and maximum of each quantity's errors.
+type CodedUnits = Vec<(usize, (Blob, Blob))>;
 type SettledUnits = Vec<(usize, SettledUnit)>;
 type SettledUnit = (Blob, Vec<QuantityError>);
 
@@ -262,13 +261,19 @@ impl<'a> Task<'a> {
         Memory::of_task(self.allowed(), self.parts.folder(), outline.most_columns(), held)
     }
 
-    /// What a task may take for a family that holds so much of all of it.
+    /// Bytes that are left to the task beside those that it cannot do without.
     ///
     /// # Errors
-    /// When that is more than the task may take; `what` needs it.
-    fn memory_of_whole(&self, outline: &Outline, held: u64, what: &str) -> Result<Memory, BuildError> {
-        let columns = outline.most_columns();
-        Memory::of_whole(self.allowed(), self.parts.folder(), columns, held, (what, self.job.output()))
+    /// When these are more than the task may take; `what` needs them.
+    fn left_beside(&self, held: u64, what: &str) -> Result<u64, BuildError> {
+        Memory::left(self.allowed(), held, (what, self.job.output()))
+    }
+
+    /// Bytes by which each of these tasks of a stage tells of what it has done, if it is done.
+    fn told_by(&self, stage: &str, tasks: Range<u32>) -> Vec<u64> {
+        let names = self.job.names();
+        let header = |task: u32| names.done(self.job.number(stage, task).ok()?);
+        tasks.filter_map(header).map(|header| header.index_bytes()).collect()
     }
 
     /// Bytes that the task may take.

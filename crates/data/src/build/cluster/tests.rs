@@ -322,8 +322,9 @@ fn codebooks_are_coded_as_a_whole_or_in_parts() {
             let has = |name: &str| job.stages().iter().any(|stage| stage.name == name);
             assert_eq!((has("quantize"), has("train"), has("settle")), (is_whole, !is_whole, !is_whole));
             for Stage { name, tasks, .. } in job.stages() {
-                // The first with all of a codebook in memory, the other with nothing of it.
-                let memory = |task: u32| (name == "quantize" && task > 0).then_some(0);
+                // The first with all of a codebook in memory, and as many parts at a time as there are threads; others with nothing of it, and one.
+                let codes = ["quantize", "code", "refine", "settle"].contains(&name.as_str());
+                let memory = |task: u32| (codes && task > 0).then_some(0);
                 (0..*tasks).into_par_iter().for_each(|task| job.run(name, task, memory(task), &()).unwrap());
             }
             assert!(case.built() == expected, "{tasks} tasks, refined: {is_refined}");

@@ -70,6 +70,17 @@ impl Book {
         self.groups().zip(&self.runs)
     }
 
+    /// Bytes by which the batches are told of.
+    pub fn bytes(&self) -> u64 {
+        total(self.runs.iter().map(|run| run.len() as u64))
+    }
+
+    /// The run that a part is of: its parts, and where its batches are.
+    pub fn run_around(&self, part: usize) -> Option<(&[Part], &Blob)> {
+        let group = self.parts.get(part)?.group;
+        self.runs().find(|(parts, _)| parts.iter().any(|own| own.group == group))
+    }
+
     /// Where batches are.
     pub fn blobs(self) -> Vec<Blob> {
         self.runs

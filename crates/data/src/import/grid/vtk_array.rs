@@ -1,4 +1,4 @@
-//! The arrays of VTK's files in XML: numbers as text, base64 or raw, inline or appended, compressed by zlib or not
+//! The arrays of VTK's files in XML: numbers as text, base64 or raw, inline or appended, compressed by zlib or LZ4 or not
 //! (<https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html>).
 
 use super::ascii;
@@ -65,10 +65,14 @@ impl VtkArray {
         let find = |name: &str| elements.iter().find(|element| element.name == name);
         let unpacked = |storage: Storage, order: Order| VtkArray { storage, offset: 0, order };
         let file = find("VTKFile");
-        let is_compressed = match file.and_then(|file| file.get("compressor")) {
-            None => false,
-            Some("vtkZLibDataCompressor") => true,
-            Some(text) => return Err(Entry { path, name: "compressor", text }.wrong("vtkZLibDataCompressor")),
+        let compressor = match file.and_then(|file| file.get("compressor")) {
+            None => None,
+            Some("vtkZLibDataCompressor") => Some(Compressor::Zlib),
+            Some("vtkLZ4DataCompressor") => Some(Compressor::Lz4),
+            Some(text) => {
+                let expected = "vtkZLibDataCompressor or vtkLZ4DataCompressor";
+                return Err(Entry { path, name: "compressor", text }.wrong(expected));
+            }
         };
         let word = match file.and_then(|file| file.get("header_type")) {
             None | Some("UInt32") => 4,
@@ -101,9 +105,9 @@ impl VtkArray {
             _ => return Err(format.wrong("ascii, binary or appended")),
         };
         let mut blocks = Blocks { reader: BufReader::new(reader), content, word, order, bytes, grid };
-        if is_compressed {
+        if let Some(compressor) = compressor {
             content.check_packed(content.most(), bytes, grid)?;
-            return Ok(unpacked(blocks.unpacked()?, order));
+            return Ok(unpacked(blocks.unpacked(compressor)?, order));
         }
         let stated = blocks.number()?;
         if stated != bytes {
@@ -127,6 +131,16 @@ fn underscore(content: &Content, from: u64) -> Result<Option<u64>, ImportError> 
     let found = start.iter().position(|byte| !byte.is_ascii_whitespace()).filter(|&at| start[at] == b'_');
     Ok(found.map(|at| from + at as u64 + 1))
 }
+
+/// How blocks are compressed.
+#[derive(Clone, Copy)]
+enum Compressor {
+    Zlib,
+    Lz4,
+}
+
+/// The most bytes that a byte of LZ4 stands for.
+const LZ4_EXPANSION: u64 = 255;
 
 /// An array with sizes in front of it.
 struct Blocks<'a> {
@@ -153,8 +167,8 @@ impl Blocks<'_> {
 
     /// Unpacks all blocks: their number, the size of all but the last, that of the last (0: as the others), and what each has as it is
     /// compressed, stand in front of them.
-    fn unpacked(mut self) -> Result<Storage, ImportError> {
-        let path = &self.content.path;
+    fn unpacked(mut self, compressor: Compressor) -> Result<Storage, ImportError> {
+        let path = &*self.content.path;
         let (count, size, last) = (self.number()?, self.number()?, self.number()?);
         let whole = if last == 0 { Some(count) } else { count.checked_sub(1) };
         let stated = whole.and_then(|whole| whole.checked_mul(size)).and_then(|bytes| bytes.checked_add(last));
@@ -168,32 +182,52 @@ impl Blocks<'_> {
             sizes.push(self.number()?);
         }
         let mut scratch = Scratch::new(path);
-        let mut buffer = vec![0; 1 << 16];
         for (number, packed) in sizes.iter().enumerate() {
-            let mut left = if last > 0 && number as u64 + 1 == count { last } else { size };
+            let bytes = if last > 0 && number as u64 + 1 == count { last } else { size };
+            let wrong = |found: String, expected: &str| {
+                ImportError::malformed(path, format!("data: block {}", number + 1), found, expected)
+            };
             let mut input = (&mut self.reader).take(*packed);
-            let mut block = ZlibDecoder::new(&mut input);
-            while left > 0 {
-                let most = buffer.len().min(usize::try_from(left).unwrap_or(usize::MAX));
-                let read = block.read(&mut buffer[..most]);
-                match read {
-                    Ok(read @ 1..) => {
-                        scratch.write(&buffer[..read])?;
-                        left -= read as u64;
+            let left = match compressor {
+                Compressor::Zlib => inflate(&mut input, bytes, &mut scratch, &wrong)?,
+                Compressor::Lz4 => {
+                    let mut block = Vec::new();
+                    input.read_to_end(&mut block).map_err(|error| wrong(in_one_line(&error), "LZ4"))?;
+                    if bytes > LZ4_EXPANSION * block.len() as u64 {
+                        return Err(wrong(format!("{} bytes for {bytes}", block.len()), "LZ4"));
                     }
-                    Ok(_) => {
-                        let found = format!("{left} bytes less in block {}", number + 1);
-                        return Err(too_few(path, &found, self.bytes, self.grid));
-                    }
-                    Err(error) => {
-                        let field = format!("data: block {}", number + 1);
-                        return Err(ImportError::malformed(path, field, in_one_line(&error), "zlib"));
-                    }
+                    let mut out = vec![0; bytes as usize];
+                    let filled = lz4_flex::block::decompress_into(&block, &mut out);
+                    let filled = filled.map_err(|error| wrong(in_one_line(&error), "LZ4"))?;
+                    scratch.write(&out[..filled])?;
+                    bytes - filled as u64
                 }
+            };
+            if left > 0 {
+                let found = format!("{left} bytes less in block {}", number + 1);
+                return Err(too_few(path, &found, self.bytes, self.grid));
             }
             let rest = std::io::copy(&mut input, &mut std::io::sink());
             rest.map_err(|error| ImportError::malformed(path, "data", in_one_line(&error), "more blocks"))?;
         }
         scratch.into_storage()
+    }
+}
+
+/// Unpacks a block of zlib to the end of it or to so many bytes; gives how many are missing.
+fn inflate(
+    packed: &mut impl Read,
+    bytes: u64,
+    scratch: &mut Scratch,
+    wrong: &dyn Fn(String, &str) -> ImportError,
+) -> Result<u64, ImportError> {
+    let mut block = ZlibDecoder::new(packed).take(bytes);
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        match block.read(&mut buffer) {
+            Ok(0) => return Ok(block.limit()),
+            Ok(read) => scratch.write(&buffer[..read])?,
+            Err(error) => return Err(wrong(in_one_line(&error), "zlib")),
+        }
     }
 }

@@ -6,15 +6,13 @@ use super::super::bytes::{Order, RangeFile};
 use super::super::grid::scratch::Pieces;
 use super::super::guarded::guarded;
 use super::super::unpacked::Unpacked;
-use super::Header;
+use super::{Header, record};
 use laz::laszip::ChunkTable;
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 use laz::{DecompressionSelection, LazItem, LazItemType, LazVlr};
 use std::io::Cursor;
 use std::path::Path;
 
-/// Bytes of a variable length record's header.
-const RECORD: u64 = 54;
 /// The most bytes of a chunk's points.
 const LARGEST_CHUNK: u64 = 256 << 20;
 /// Bytes of the places that a chunk begins with, at least.
@@ -56,7 +54,9 @@ impl PackedPoints {
     pub(super) fn open(file: RangeFile, header: &Header, head: &[u8]) -> Result<PackedPoints, ImportError> {
         let path = &file.path;
         let wrong = |field: &str, found: String, expected: String| ImportError::malformed(path, field, found, expected);
-        let record = record(&file, header, head)?;
+        let record = record(&file, header, head, LazVlr::USER_ID, LazVlr::RECORD_ID)?;
+        let missing = || ImportError::missing(path, "LASzip record", "one before the points of a compressed file");
+        let record = record.ok_or_else(missing)?;
         let damaged = || wrong("LASzip record", "another".into(), "compressor, items and chunks".into());
         let packing = u32::from(*record.first().ok_or_else(damaged)?);
         let vlr = guarded(|| LazVlr::from_buffer(&record)).and_then(Result::ok).ok_or_else(damaged)?;
@@ -155,28 +155,6 @@ fn layers_of(part: LazItemType) -> u64 {
         LazItemType::Byte14(count) => u64::from(count),
         _ => 1,
     }
-}
-
-/// LASzip's record among those between header and points.
-fn record(file: &RangeFile, header: &Header, head: &[u8]) -> Result<Vec<u8>, ImportError> {
-    let mut at = u64::from(head[94]) | u64::from(head[95]) << 8;
-    for _ in 0..Order::Little.u32(head, 100) {
-        let mut about = [0; RECORD as usize];
-        if at + RECORD > header.start.min(file.length) {
-            break;
-        }
-        file.read(at, &mut about, "variable length record")?;
-        let length = u64::from(about[20]) | u64::from(about[21]) << 8;
-        let number = u16::from_le_bytes([about[18], about[19]]);
-        let user = about[2..18].split(|letter| *letter == 0).next().unwrap_or_default();
-        if user == LazVlr::USER_ID.as_bytes() && number == LazVlr::RECORD_ID {
-            let mut record = vec![0; length as usize];
-            file.read(at + RECORD, &mut record, "LASzip record")?;
-            return Ok(record);
-        }
-        at += RECORD + length;
-    }
-    Err(ImportError::malformed(&file.path, "LASzip record", "none", "one before the points of a compressed file"))
 }
 
 /// Where the chunks are, by the table behind them.

@@ -1,8 +1,10 @@
 //! LAS: point clouds of laser scanners, versions 1.0 to 1.4 with point formats 0 to 10 (ASPRS, "LAS Specification 1.4 - R15"), also
 //! compressed (`laz`). Positions are whole numbers with a factor and an offset for each axis.
 
+mod extra;
 mod laz;
 
+use self::extra::Extra;
 use self::laz::PackedPoints;
 use super::bytes::{Order, RangeFile};
 use super::grid::scratch::Storage;
@@ -50,16 +52,23 @@ impl Format for Las {
             return Err(ImportError::malformed(path, "points", found, expected));
         }
         let mut about = Description::unitless(path, "las", file.length);
-        let extra = header.stride - POINT[header.format];
-        if extra > 0 {
-            about.notes.push(format!("{extra} bytes of extra attributes of each point are left out"));
+        let least = POINT[header.format];
+        // Without such bytes nobody asks what they are.
+        let record = match header.stride > least {
+            true => record(&file, &header, &head, extra::USER, extra::NUMBER)?.unwrap_or_default(),
+            false => Vec::new(),
+        };
+        let extras = extra::described(&record, least, header.stride);
+        let left_out = header.stride - least - extras.iter().map(Extra::bytes).sum::<u64>();
+        if left_out > 0 {
+            about.notes.push(format!("{left_out} bytes of each point that nothing describes are left out"));
         }
         let (storage, start) = match header.is_packed {
             true => (Storage::Pieces(Box::new(PackedPoints::open(file, &header, &head)?)), 0),
             false => (Storage::File(file), header.start),
         };
         let header = Header { start, ..header };
-        let family = header.fields().family(FamilyName::Dark, header.count, vec![Run::WHOLE]);
+        let family = header.fields(&extras).family(FamilyName::Dark, header.count, vec![Run::WHOLE]);
         Ok(Box::new(TypedColumns::new(about, vec![storage], vec![family])))
     }
 }
@@ -133,7 +142,7 @@ impl Header {
         Column { storage: 0, offset: self.start + at, stride: self.stride, number, order: Order::Little }
     }
 
-    fn fields(&self) -> FieldList {
+    fn fields(&self, extras: &[Extra]) -> FieldList {
         let mut fields = FieldList::default();
         let position = [0, 1, 2].map(|axis| {
             let meaning = Meaning::Linear { factor: self.scale[axis], first: self.offset[axis] };
@@ -169,6 +178,48 @@ impl Header {
         if let Some(at) = has(INFRARED[self.format]) {
             scalar("near-infrared", at, SampleType::U16, plain);
         }
+        for Extra { name, at, number, meanings } in extras {
+            let axes = (*at..).step_by(number.size()).zip(meanings);
+            let components: Vec<Component> =
+                axes.map(|(at, meaning)| Component::Stored(self.column(at, *number), *meaning)).collect();
+            match components[..] {
+                [component] => fields.push_scalar(name, component),
+                _ => fields.push(name, name, FieldKind::Other, components),
+            }
+        }
         fields
     }
+}
+
+/// Bytes of the header of a record.
+const RECORD: u64 = 54;
+
+/// What a record says of those between header and points, `None` where there is none of that user and number.
+///
+/// # Errors
+/// When the file ends within it.
+fn record(
+    file: &RangeFile,
+    header: &Header,
+    head: &[u8],
+    user: &str,
+    number: u16,
+) -> Result<Option<Vec<u8>>, ImportError> {
+    let mut at = u64::from(head[94]) | u64::from(head[95]) << 8;
+    for _ in 0..Order::Little.u32(head, 100) {
+        let mut about = [0; RECORD as usize];
+        if at + RECORD > header.start.min(file.length) {
+            break;
+        }
+        file.read(at, &mut about, "variable length record")?;
+        let length = u64::from(about[20]) | u64::from(about[21]) << 8;
+        let own = about[2..18].split(|letter| *letter == 0).next().unwrap_or_default();
+        if own == user.as_bytes() && u16::from_le_bytes([about[18], about[19]]) == number {
+            let mut record = vec![0; length as usize];
+            file.read(at + RECORD, &mut record, "variable length record")?;
+            return Ok(Some(record));
+        }
+        at += RECORD + length;
+    }
+    Ok(None)
 }

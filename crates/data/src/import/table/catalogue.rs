@@ -72,6 +72,14 @@ impl Catalogue {
             let standard = standard.filter(|_| !lacks_ids);
             let (name, kind, unit) =
                 standard.map_or((&*column.name, FieldKind::Other, ""), |(_, name, kind, unit)| (*name, *kind, *unit));
+            // Names are counted, so that many of one name are not all tried for each.
+            let same = described.iter().filter(|field| field.stored_as == column.name).count().max(1);
+            let numbered = || (same + 1..).map(|number| format!("{name}-{number}")).find(|name| free(name));
+            let other = (!free(name)).then(numbered).flatten();
+            if let Some(other) = &other {
+                notes.push(format!("there is another {}, called {}", shown(name), shown(other)));
+            }
+            let name = other.unwrap_or_else(|| name.to_owned());
             let mut unit = Unit::new(if column.unit.is_empty() { unit } else { &column.unit });
             let mut factor = 1.0;
             // Lengths of one table are compared: smoothing lengths take the unit of the positions.
@@ -82,7 +90,7 @@ impl Catalogue {
                 }
                 unit = positions.unit.clone();
             }
-            let (name, stored_as, components) = (name.into(), column.name.clone(), column.components);
+            let (stored_as, components) = (column.name.clone(), column.components);
             described.push(Field { name, stored_as, unit, components, kind });
             origins.push(Origin::Column(index, factor));
         }

@@ -136,7 +136,11 @@ fn rows(path: &Path, heading: Heading, reader: Box<dyn BufRead>) -> Result<(Stor
         rows.push(&row)?;
     }
     let first_text = names.iter().zip(&text).filter_map(|(column, text)| Some((column, text.as_ref()?)));
-    if let Some((column, (line, found))) = first_text.into_iter().find(|(column, _)| sky::is_needed(column)) {
+    let with_numbers = names.iter().zip(text.iter().zip(&has_numbers));
+    let with_numbers = with_numbers.filter(|(_, (text, has_numbers))| text.is_none() && **has_numbers);
+    let with_numbers: Vec<Column> = with_numbers.map(|(column, _)| column.clone()).collect();
+    let is_needed = |column: &Column| sky::is_needed_beside(column, &with_numbers);
+    if let Some((column, (line, found))) = first_text.into_iter().find(|(column, _)| is_needed(column)) {
         let field = format!("{} in line {line}", shown(&column.name));
         return Err(ImportError::malformed(path, field, shown(found), "a number"));
     }

@@ -118,8 +118,9 @@ impl Recipe {
 
 /// Places, and how AHF calls those of haloes' centres.
 const AXES: [[&str; 2]; 3] = [["x", "xc"], ["y", "yc"], ["z", "zc"]];
-const RA: [&str; 3] = ["ra", "raj2000", "right_ascension"];
-const DEC: [&str; 4] = ["dec", "dej2000", "decj2000", "declination"];
+/// Directions, among them as VizieR calls those of its catalogues and those that it adds to them.
+const RA: [&str; 7] = ["ra", "raj2000", "ra_icrs", "raicrs", "_raj2000", "_ra_icrs", "right_ascension"];
+const DEC: [&str; 8] = ["dec", "dej2000", "de_icrs", "deicrs", "_dej2000", "_de_icrs", "decj2000", "declination"];
 const DISTANCE: [&str; 2] = ["dist", "distance"];
 const PARALLAX: [&str; 2] = ["parallax", "plx"];
 
@@ -141,14 +142,18 @@ impl Measure {
 
 /// Whether positions may be made of a column, so that it must hold numbers.
 pub(super) fn is_needed(column: &Column) -> bool {
-    let lists: [(&[&str], Measure); 5] = [
-        (AXES.as_flattened(), Measure::Length),
-        (&RA, Measure::Angle),
-        (&DEC, Measure::Angle),
-        (&DISTANCE, Measure::Length),
-        (&PARALLAX, Measure::Angle),
-    ];
-    lists.iter().any(|(names, measure)| names.iter().any(|name| unit_of(column, name, *measure).is_some()))
+    is_needed_beside(column, &[])
+}
+
+/// The same beside `others` that hold numbers: directions that are there as text, too, are not needed.
+pub(super) fn is_needed_beside(column: &Column, others: &[Column]) -> bool {
+    let has = |names: &[&str], measure| names.iter().any(|name| unit_of(column, name, measure).is_some());
+    let is_there = |names: &[&str]| find(others, names, Measure::Angle).is_some();
+    let lengths: [&[&str]; 2] = [AXES.as_flattened(), &DISTANCE];
+    let directions: [&[&str]; 2] = [&RA, &DEC];
+    lengths.iter().any(|names| has(names, Measure::Length))
+        || has(&PARALLAX, Measure::Angle)
+        || directions.iter().any(|names| has(names, Measure::Angle) && !is_there(names))
 }
 
 /// The unit of a column if it is called `name`, or `name_UNIT` with a unit that is known.

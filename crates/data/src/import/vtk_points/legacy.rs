@@ -94,11 +94,14 @@ pub(super) fn open(content: &Content) -> Result<Arrays, ImportError> {
                     };
                     let value = |text: &str| text.parse::<u64>().map_err(|_| wrong("a number"));
                     let (components, tuples) = (value(components)?, value(tuples)?);
+                    let all = components.checked_mul(tuples).ok_or_else(|| wrong("fewer numbers"))?;
                     number += 1;
-                    if of_points && tuples == arrays.count {
+                    if kind.eq_ignore_ascii_case("string") {
+                        reader.skip_texts(all)?;
+                        arrays.left_out.extend(of_points.then(|| decoded(name)));
+                    } else if of_points && tuples == arrays.count {
                         reader.data(&mut arrays, (name, number), number_type(path, kind)?, components)?;
                     } else {
-                        let all = components.checked_mul(tuples).ok_or_else(|| wrong("fewer numbers"))?;
                         reader.skip(number_type(path, kind)?, all)?;
                     }
                 }
@@ -153,6 +156,18 @@ fn number_type(path: &Path, name: &str) -> Result<SampleType, ImportError> {
         return Ok(SampleType::I32);
     }
     sample_type(Entry { path, name: "type", text: &name }, VTK_TYPES)
+}
+
+/// The name of an array in one line: blanks and such are written as `%20`.
+fn decoded(name: &str) -> String {
+    let (mut bytes, mut rest) = (Vec::new(), name.as_bytes());
+    while let [first, after @ ..] = rest {
+        let digits = after.get(..2).filter(|_| *first == b'%').and_then(|digits| std::str::from_utf8(digits).ok());
+        let code = digits.and_then(|digits| u8::from_str_radix(digits, 16).ok());
+        bytes.push(code.unwrap_or(*first));
+        rest = if code.is_some() { &after[2..] } else { after };
+    }
+    String::from_utf8_lossy(&bytes).chars().filter(|letter| !letter.is_control()).collect()
 }
 
 /// A file that is read from its beginning to its end.
@@ -261,6 +276,30 @@ impl<'a> Reader<'a> {
         if skipped < bytes { Err(self.too_few(count)) } else { Ok(()) }
     }
 
+    /// Leaves out texts: lines, or bytes behind a length, of which the first two bits say how many bytes it has.
+    fn skip_texts(&mut self, count: u64) -> Result<(), ImportError> {
+        for _ in 0..count {
+            if self.is_text {
+                self.raw_line()?.ok_or_else(|| self.too_few(count))?;
+                continue;
+            }
+            let mut length = [0; 8];
+            self.fill(&mut length[..1], count)?;
+            let bytes = [8, 4, 2, 1][usize::from(length[0] >> 6)];
+            self.fill(&mut length[1..bytes], count)?;
+            length[0] &= 0x3f;
+            self.skip(SampleType::U8, length[..bytes].iter().fold(0, |sum, byte| sum << 8 | u64::from(*byte)))?;
+        }
+        Ok(())
+    }
+
+    /// The next bytes, of `expected` numbers or texts.
+    fn fill(&mut self, out: &mut [u8], expected: u64) -> Result<(), ImportError> {
+        self.reader.read_exact(out).map_err(|_| self.too_few(expected))?;
+        self.at += out.len() as u64;
+        Ok(())
+    }
+
     /// Reads an array of so many numbers a point, or leaves it out where there are too many.
     fn data(
         &mut self,
@@ -269,13 +308,14 @@ impl<'a> Reader<'a> {
         kind: SampleType,
         components: u64,
     ) -> Result<(), ImportError> {
+        let name = decoded(name);
         if !(1..=MOST_COMPONENTS).contains(&components) || number > MOST_ARRAYS {
-            arrays.left_out.push(name.chars().filter(|letter| !letter.is_control()).collect());
+            arrays.left_out.push(name);
             let all = components.checked_mul(arrays.count).ok_or_else(|| self.too_few(arrays.count))?;
             return self.skip(kind, all);
         }
         let place = self.array(arrays, kind, components)?;
-        arrays.push(name, number, &place);
+        arrays.push(&name, number, &place);
         Ok(())
     }
 
@@ -308,5 +348,17 @@ impl<'a> Reader<'a> {
         arrays.storages.push(scratch.into_storage()?);
         let storage = arrays.storages.len() - 1;
         Ok(Place { storage, offset: 0, number: kind, order: Order::NATIVE, components })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_as_they_were_before_they_were_written() {
+        for (written, expected) in [("mass", "mass"), ("a%20text%25", "a text%"), ("50%", "50%"), ("%zz%0Ab", "%zzb")] {
+            assert_eq!(decoded(written), expected);
+        }
     }
 }

@@ -16,7 +16,8 @@ use std::borrow::Cow;
 use std::f64::consts::PI;
 
 /// Pixels along the longer side of the picture from a point, for each along that of the picture: they lie across those of the picture. From places of a
-/// lamp, whose pictures are added up, as many as the picture has; no more where pictures are costly.
+/// lamp, whose pictures are added up, as many as the picture has; no more where pictures are costly. What is lit and small in the picture has fewer:
+/// as many for a length as the picture has at what is nearest.
 const FINER: u32 = 2;
 /// Fewest and most of them.
 const SIDE: [u32; 2] = [256, 2048];
@@ -83,11 +84,13 @@ pub(super) fn reached_shares(
     let places = places(lamp, shadowing.samples as usize);
     let drawn = if shadowing.is_costly { shared_places(lamp, places.len()) } else { places.clone() };
     let longer = view.width.max(view.height);
-    let side = match (shadowing.is_costly, places.len()) {
-        (true, _) => longer.min((SOFT / lamp.size.max(f64::MIN_POSITIVE)) as u32),
-        (false, 1) => longer.saturating_mul(FINER),
-        (false, _) => longer,
+    let (side, finer) = match (shadowing.is_costly, places.len()) {
+        (true, _) => (longer.min((SOFT / lamp.size.max(f64::MIN_POSITIVE)) as u32), 1),
+        (false, 1) => (longer.saturating_mul(FINER), FINER),
+        (false, _) => (longer, 1),
     };
+    let pixels_of = |receiver: &Receiver| picture.pixels_at((receiver.place - view.eye).dot(view.forward));
+    let finest = f64::from(finer) * receivers.par_iter().map(pixels_of).reduce(|| 0.0, f64::max);
     for (number, from) in drawn.iter().enumerate() {
         let is_own = |place: &DVec3| nearest(&drawn, *place) == Some(number);
         let own: Vec<DVec3> = places.iter().copied().filter(is_own).collect();
@@ -97,7 +100,8 @@ pub(super) fn reached_shares(
         let around = shadowing.scene * own.iter().map(|place| place.distance(*from)).fold(0.0, f64::max);
         let pixels = |seen: &View| seen.width as usize * seen.height as usize;
         // Where nothing is seen, nothing is in the way.
-        let seen = lamp_view(view, *from, &receivers, (shadowing.scene, around, side)).and_then(|(seen, middle)| {
+        let seen = lamp_view(view, *from, &receivers, (shadowing.scene, around), (side, finest));
+        let seen = seen.and_then(|(seen, middle)| {
             let depths = casters(&seen).filter(|depths| depths.len() == pixels(&seen))?;
             Some(LampPicture { view: seen, middle, shift: [0.0; 2], depths: Cow::Owned(depths) })
         });
@@ -147,13 +151,14 @@ fn nearest(places: &[DVec3], to: DVec3) -> Option<usize> {
     (0..places.len()).min_by(|a, b| away(a).total_cmp(&away(b)))
 }
 
-/// How the scene is seen from a lamp in a direction, in so many pixels along its longer side: all receivers with something around them, and in front
-/// of them as far as the scene reaches; with the depth of their middle.
+/// How the scene is seen from a lamp in a direction, in so many pixels along its longer side, and no more for each length than are given: all
+/// receivers with something around them, and in front of them as far as the scene reaches; with the depth of their middle.
 fn lamp_view(
     view: &View,
     toward: DVec3,
     receivers: &[Receiver],
-    (scene, around, side): (f64, f64, u32),
+    (scene, around): (f64, f64),
+    (side, finest): (u32, f64),
 ) -> Option<(View, f64)> {
     let origin = receivers.first()?.place;
     let up = toward.any_orthonormal_vector();
@@ -167,10 +172,11 @@ fn lamp_view(
         .reduce(|| (DVec3::INFINITY, DVec3::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
     let longest = (high - low).truncate().max_element().max(1e-6 * scene).max(f64::MIN_POSITIVE);
     let around = around.min(AROUND * longest);
-    let pixel = (longest + 2.0 * around) / f64::from(side.clamp(SIDE[0], SIDE[1]));
+    let length = longest + 2.0 * around;
+    let pixel = length / f64::from(side.min((length * finest).ceil() as u32).clamp(SIDE[0], SIDE[1]));
     // With a pixel around it, for the differences between neighbours.
     let [width, height] =
-        [high.x - low.x, high.y - low.y].map(|length| ((length + 2.0 * around) / pixel).ceil() as u32 + 4);
+        [high.x - low.x, high.y - low.y].map(|across| ((across + 2.0 * around) / pixel).ceil() as u32 + 4);
     let middle = 0.5 * (low + high);
     let eye = origin + middle.x * plain.right + middle.y * plain.up + (low.z - scene - pixel) * plain.forward;
     // What fades with its distance from the eye is all there for a lamp.

@@ -204,6 +204,30 @@ fn a_shadow_is_as_soft_as_its_lamp_is_large() {
     }
 }
 
+/// What is small in a picture has few pixels in a lamp's, too: as many for each length.
+#[test]
+fn lamps_see_as_finely_as_the_picture() {
+    let ball = [Shape::Sphere(DVec3::ZERO, 1.5)];
+    let orthographic = look([0.0, 0.0, 9.0], [0.0; 3], Projection::Orthographic { height: 8.0 }, [800, 800]);
+    let perspective = look([0.0, 0.0, 9.0], [0.0; 3], PERSPECTIVE, [800, 800]);
+    for (view, across) in [(orthographic, 300.0), (perspective, 3.0 * perspective.focal_pixels() / 7.5)] {
+        let seen = depths(&view, &ball);
+        for (degrees, is_costly, finer) in [(0.0_f64, false, 2.0), (2.0, false, 1.0), (2.0, true, 1.0)] {
+            let lamp = Some(Lamp { toward: DVec3::Z, size: degrees.to_radians(), lights: true });
+            let own = Shadowing { occlusion: 0.0, shadows: 1.0, lamp, is_costly, samples: 3, ..occlusion(1.0) };
+            let longest = AtomicUsize::new(0);
+            let casters = |from: &View| {
+                longest.fetch_max(from.width.max(from.height) as usize, Ordering::Relaxed);
+                Some(depths(from, &ball))
+            };
+            own.factors(&view, &seen, &casters, None).unwrap();
+            let pixels = longest.into_inner() as f64 / (finer * across);
+            // A costly picture has more around what is lit.
+            assert!((0.9..1.25).contains(&pixels), "{degrees}, {is_costly}: {pixels} of {across}");
+        }
+    }
+}
+
 /// Nothing but the first fragment that covers a pixel is darkened.
 #[test]
 fn what_is_seen_through_keeps_its_light() {

@@ -29,9 +29,9 @@ use std::time::{Duration, Instant};
 
 /// A mean is known where at least this share of space is filled: with less, what interpolation of wide kernels errs by counts.
 pub const LEAST_FILLED: f32 = 0.01;
-/// One of so many parts of the memory for a slab's cells is theirs where particles are not all there at once: the rest is for the sums of a
-/// column that cells are made of, and for the coarser grids of each.
-const SUPPLIED_SHARE: u64 = 3;
+/// One of so many parts of the memory for a slab's cells is theirs: the rest is for the sums of a column that cells are made of, and for the coarser
+/// grids of each.
+const SLAB_SHARE: u64 = 3;
 
 /// A column of particles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -294,6 +294,7 @@ impl Columns {
         options: &VolumeOptions,
         paths: Option<&PathFragments>,
     ) -> (Colors, VolumeReport) {
+        let options = &for_cells(options);
         let first = &self.prepared[0];
         let mut report = first.report(self.took);
         let grids = (&first.grid, first.brick_grid());
@@ -311,7 +312,7 @@ impl Columns {
         scenery: &Scenery,
         options: &VolumeOptions,
     ) -> (Colors, VolumeReport) {
-        let options = &VolumeOptions { memory: options.memory.min(supply.slab_bytes() / SUPPLIED_SHARE), ..*options };
+        let options = &for_cells(&VolumeOptions { memory: options.memory.min(supply.slab_bytes()), ..*options });
         let supply = shared(supply);
         let first = &self.prepared[0];
         let mut report = first.report(self.took);
@@ -334,6 +335,7 @@ impl Columns {
         scenery: &Scenery,
         options: &VolumeOptions,
     ) -> (PathFragments, VolumeReport) {
+        let options = &for_cells(options);
         let first = &self.prepared[0];
         let mut report = first.report(self.took);
         let grids = (&first.grid, first.brick_grid());
@@ -363,6 +365,11 @@ impl Columns {
             hue: shown.has_hue.then(|| resampler(self.prepared.len() - 1)),
         }
     }
+}
+
+/// The same with the part of the memory that cells have.
+fn for_cells(options: &VolumeOptions) -> VolumeOptions {
+    VolumeOptions { memory: options.memory / SLAB_SHARE, ..*options }
 }
 
 /// Fills bricks with fields of columns.

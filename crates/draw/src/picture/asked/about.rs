@@ -8,7 +8,8 @@ use crate::import::{GridOptions, find_source, open_grid};
 use crate::look::{DataKind, Member, MemberKind, OpenData};
 use crate::mode::Mode;
 use crate::model::{Bounds, Grid, Moment, ReadMethod};
-use crate::modes;
+use crate::modes::{self, surface};
+use crate::picture::field::attributes_of;
 use crate::picture::{PictureError, Reporter};
 use crate::store::{AttributeInfo, FamilyMetadata, GridFile};
 use serde_json::{Value, json};
@@ -124,6 +125,7 @@ fn of_field(path: &Path) -> Result<Value, Failure> {
         "count": count,
         "shape": &grid.shape[..grid.dimensions.min(3)],
         "modes": modes_that(|mode| mode.takes_fields_of(grid.dimensions)),
+        "attributes": attributes_of(&grid),
         "families": [{
             "name": grid.kind(),
             "count": count,
@@ -154,6 +156,10 @@ fn of_heights(path: &Path) -> Result<Value, Failure> {
         [first.min(other), first.max(other)]
     });
     let bounds = [[ends[0][0], ends[1][0], found.min], [ends[0][1], ends[1][1], found.max]];
+    let planes = found.planes.iter().filter(|plane| plane.photo.is_none()).map(|plane| plane.name.as_str());
+    let is_colored = ["red", "green", "blue"].iter().all(|color| planes.clone().any(|plane| plane == *color));
+    let has_photo = found.planes.iter().any(|plane| plane.photo.is_some());
+    let textures = (has_photo || is_colored).then_some("texture");
     Ok(json!({
         "kind": "heights",
         "source": source,
@@ -163,6 +169,7 @@ fn of_heights(path: &Path) -> Result<Value, Failure> {
         "shape": [found.columns, found.rows],
         "notes": found.notes,
         "modes": modes_that(Mode::takes_surfaces),
+        "attributes": surface::ATTRIBUTES.into_iter().chain(textures).chain(planes).collect::<Vec<_>>(),
         "families": [{
             "name": "heights",
             "count": found.valid,

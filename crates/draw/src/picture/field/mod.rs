@@ -12,7 +12,7 @@ mod sketch;
 mod tests;
 
 pub use in_time::InTime;
-pub use names::GRADIENT;
+pub use names::{GRADIENT, attributes_of};
 pub use opened::{OpenField, Shown, Wanted};
 pub use report::{ErrorValue, PointsReport};
 pub use session::{FieldSession, MEMORY, PreparedField};

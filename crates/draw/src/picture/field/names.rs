@@ -5,7 +5,7 @@ use crate::annotate::{Shown, Units};
 use crate::color::transfer::TransferFunction;
 use crate::cpu::volume::VolumeError;
 use crate::mode::{Coloring, Depiction, FieldValues, LevelChoice, Mode, Output, Settings};
-use crate::model::Unit;
+use crate::model::{Grid, Unit};
 use crate::modes;
 use crate::modes::samples::FieldLook;
 use crate::modes::slice_overlay::{self, VECTORS};
@@ -13,15 +13,19 @@ use crate::modes::slice_overlay::{self, VECTORS};
 /// The attribute that every field has: how steep what it shows is.
 pub const GRADIENT: &str = "gradient";
 
+/// The names of what can colour pictures of a grid: its channels, and how steep the first one is.
+pub fn attributes_of(grid: &Grid) -> Vec<String> {
+    let mut names: Vec<String> = grid.channels.iter().map(|channel| channel.name.clone()).collect();
+    if !names.iter().any(|name| name == GRADIENT) {
+        names.push(GRADIENT.into());
+    }
+    names
+}
+
 impl OpenField {
-    /// The names of what can colour its pictures: its channels, and how steep the first one is.
+    /// The names of what can colour its pictures, as [`attributes_of`] its grid.
     pub fn attributes(&self) -> Vec<String> {
-        let channels = &self.grid().channels;
-        let mut names: Vec<String> = channels.iter().map(|channel| channel.name.clone()).collect();
-        if !names.iter().any(|name| name == GRADIENT) {
-            names.push(GRADIENT.into());
-        }
-        names
+        attributes_of(self.grid())
     }
 
     /// The place of an attribute among these.

@@ -65,13 +65,20 @@ impl Session {
     fn draw_flat_as(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Picture, PictureError> {
         let Shown { view, depiction, transfer, .. } = *shown;
         let start = Instant::now();
-        if shown.ground.is_none() && self.lists() {
-            let has_adapter = self.passes_without_paths(shown)?.is_some();
+        if shown.ground.is_none() {
             let subject = self.subject(tree, shown);
-            if let Some(listing) = self.listing(&subject, &view, shown.shot.look.error_px(), has_adapter)? {
-                return self.draw_listed(tree, shown, (&listing, start.elapsed()));
-            }
-            if self.fills_slabs(&subject, shown)? {
+            let in_slabs = match self.lists() {
+                true => {
+                    let has_adapter = self.passes_without_paths(shown)?.is_some();
+                    let listing = self.listing(&subject, &view, shown.shot.look.error_px(), has_adapter)?;
+                    if let Some(listing) = listing {
+                        return self.draw_listed(tree, shown, (&listing, start.elapsed()));
+                    }
+                    self.fills_slabs(&subject, shown)?
+                }
+                false => self.spares_particles(&subject, shown)?,
+            };
+            if in_slabs {
                 return self.draw_in_slabs(tree, shown);
             }
         }

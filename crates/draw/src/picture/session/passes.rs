@@ -10,7 +10,8 @@ use crate::cpu::volume::VolumeError;
 use crate::explore::selection::Show;
 use crate::hierarchy::Purpose;
 use crate::look::LookPatch;
-use crate::mode::{Depiction, LodBudget, Output, Plan, Raw};
+use crate::mode::{Adapter, Depiction, LodBudget, Output, Plan, Raw};
+use crate::picture::account::{Account, Task};
 use crate::picture::adapter::{AdapterFrame, AdapterJob, Passes, draw_on};
 use crate::picture::left_out::LeftOut;
 use crate::picture::level_report::{LevelReport, bound_of, misfit_in};
@@ -38,7 +39,9 @@ struct Passed {
 impl Session {
     /// Whether views are listed, since the pages of all the data do not fit.
     pub(super) fn lists(&self) -> bool {
-        self.draws_in_passes && matches!(self.data, Data::Pages(_)) && !self.scene.streamer.residency.has_room_for_all()
+        self.account.is_some()
+            && matches!(self.data, Data::Pages(_))
+            && !self.scene.streamer.residency.has_room_for_all()
     }
 
     /// What a subject's picture of a view draws, where that is not held at once: of sums that the processor adds up, or else an adapter.
@@ -59,12 +62,6 @@ impl Session {
 
     /// What a subject's picture of a view draws, whatever is held of it.
     pub(super) fn list(&mut self, subject: &Subject<'_>, view: &View, tau: f64) -> Result<Listing, PictureError> {
-        if let Some(taken) = self.account.as_mut().and_then(|account| account.exceeding.take()) {
-            let (file, megabytes) = (self.path().display().to_string(), taken.div_ceil(1 << 20));
-            self.reporter.tell(format!(
-                "{file}: a picture of this size takes {megabytes} MiB, however few of the pages are held; --memory sets how much there is"
-            ));
-        }
         let depiction = subject.depiction;
         let detail = depiction.detail(view, tau, self.tree().metadata());
         let reporter = &*self.reporter;
@@ -76,7 +73,7 @@ impl Session {
 
     /// Tells that a listed picture has no selections, where it would have some.
     pub(super) fn tell_of_selections(&self, look: &LookPatch) {
-        if look.selections.iter().flatten().any(|set| set.show != Show::Hidden) {
+        if shows_selections(look) {
             self.reporter
                 .tell("selections are left out of a picture whose pages do not fit into memory together".into());
         }
@@ -342,14 +339,43 @@ impl Session {
         self.shortage.is_missing |= is_over && !is_complete;
     }
 
+    /// Whether an adapter draws a flat picture by itself: nothing is decoded for it, as it is for fields of columns.
+    pub(super) fn is_on_adapter(&mut self, depiction: &Depiction) -> bool {
+        let is_of_splats = depiction.adapter() == Adapter::Splats;
+        let may_be = !depiction.draws_fields() && (is_of_splats || self.scene.purpose != Purpose::Clusters);
+        // What an adapter that was asked for does not draw, the picture says itself.
+        may_be && matches!(self.passes(depiction), Ok(Some(_)))
+    }
+
+    /// Shares the memory out for a picture, where there is a limit; tells how much is taken where that is more.
+    pub(in crate::picture) fn share_memory(&mut self, task: Task) {
+        let Some(memory) = self.options.page_memory.filter(|_| self.account.is_some()) else { return };
+        let account = Account::of(memory, task);
+        (self.account, self.budget_bytes) = (Some(account), account.pages);
+        let residency = &mut self.scene.streamer.residency;
+        // What lies in memory as a whole has no limit.
+        if residency.statistics().budget_bytes != u64::MAX {
+            residency.set_budget(account.pages);
+        }
+        let taken = account.exceeding.filter(|_| !residency.has_room_for_all());
+        let mebibytes = taken.map_or(0, |taken| taken.div_ceil(1 << 20));
+        if mebibytes > self.told_mebibytes {
+            self.told_mebibytes = mebibytes;
+            self.reporter.tell(format!(
+                "{}: a picture of this size takes {mebibytes} MiB, however few of the pages are held; --memory sets how much there is",
+                self.path().display()
+            ));
+        }
+    }
+
     /// Tells, once, that pictures are drawn without what they have no memory for.
     pub(in crate::picture) fn tell_of_memory(&mut self) {
-        if !self.lacks_memory() || !self.draws_in_passes || std::mem::replace(&mut self.has_told_of_memory, true) {
+        if !self.lacks_memory() || self.account.is_none() || std::mem::replace(&mut self.has_told_of_memory, true) {
             return;
         }
-        let megabytes = self.budget_bytes >> 20;
+        let mebibytes = self.budget_bytes as f64 / f64::from(1 << 20);
         self.reporter.tell(format!(
-            "{}: what is in view does not fit into the {megabytes} MiB that pages may take and is drawn coarser; --memory sets how much there is",
+            "{}: what is in view does not fit into the {mebibytes:.1} MiB that pages may take and is drawn coarser; --memory sets how much there is",
             self.path().display()
         ));
     }
@@ -368,6 +394,11 @@ impl Session {
     pub fn lacks_memory(&self) -> bool {
         self.shortage.is_coarser || self.shortage.is_missing
     }
+}
+
+/// Whether a look has selections that are drawn.
+pub(super) fn shows_selections(look: &LookPatch) -> bool {
+    look.selections.iter().flatten().any(|set| set.show != Show::Hidden)
 }
 
 /// Two frames of an adapter's as one.

@@ -8,6 +8,7 @@ use crate::cpu::shadowing::Lighting;
 use crate::cpu::volume::VolumeError;
 use crate::look::LookPatch;
 use crate::mode::Raw;
+use crate::picture::account::Task;
 use crate::picture::ground::{Ground, lighting, through};
 use crate::picture::{PictureError, Subject};
 use crate::view::View;
@@ -77,6 +78,7 @@ impl Session {
         if let Some(levels) = levels.filter(|_| depiction.mode.is_light()) {
             transfer = transfer.with_levels(&levels);
         }
+        self.share_memory(Task::of(&depiction, (view.width, view.height), true));
         let selection = self.select(&depiction, view, look.error_px())?;
         self.tell_of_memory();
         let subject = Subject {

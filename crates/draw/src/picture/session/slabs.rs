@@ -2,10 +2,12 @@
 //! back. They have the bits that they would have with all pages at once.
 
 use super::clusters::Drawn;
-use super::{Session, Shown};
+use super::passes::shows_selections;
+use super::{Data, Session, Shown};
 use crate::color::transfer::Levels;
 use crate::cpu::volume::Supply;
-use crate::mode::{Plan, Raw};
+use crate::mode::{Depiction, Plan, Raw, SettingValue};
+use crate::modes::grid::SLAB_MEMORY;
 use crate::picture::left_out::LeftOut;
 use crate::picture::supplied::Supplied;
 use crate::picture::times::Times;
@@ -24,6 +26,17 @@ struct Filled {
 }
 
 impl Session {
+    /// A depiction whose slabs take no more than their share of the memory, whatever pages take: they are thinner, and show the same.
+    pub(super) fn within_slabs(&self, mut depiction: Depiction) -> Depiction {
+        let usual = depiction.settings.number(&SLAB_MEMORY);
+        let has_slabs = depiction.mode.all_settings().any(|setting| setting.name == SLAB_MEMORY.name);
+        let most = self.account.filter(|_| has_slabs).map(|account| account.slab as f64 / f64::from(1 << 20));
+        if let Some(most) = most.filter(|most| *most < usual) {
+            depiction.settings.0.insert(SLAB_MEMORY.name.to_owned(), SettingValue::Number(most));
+        }
+        depiction
+    }
+
     /// Whether a flat picture is drawn in slabs where views are listed. The processor draws it then, also where an adapter was asked for: that would
     /// need all nodes at once, and draws the same picture of them but for rounding.
     pub(super) fn fills_slabs(&mut self, subject: &Subject<'_>, shown: &Shown<'_>) -> Result<bool, PictureError> {
@@ -35,6 +48,19 @@ impl Session {
             self.tell_once("volumes whose pages do not fit into memory together are drawn by the processor");
         }
         Ok(true)
+    }
+
+    /// Whether a flat volume is drawn in slabs though its pages fit, since there is no room for all of their particles beside, and neither an adapter
+    /// draws nor selections, which would be left out.
+    pub(super) fn spares_particles(&mut self, subject: &Subject<'_>, shown: &Shown<'_>) -> Result<bool, PictureError> {
+        let may_be = subject.takes_supply() && !self.holds_all_at_once() && !shows_selections(&shown.shot.look);
+        Ok(may_be && self.passes_without_paths(shown)?.is_none() && self.fills_slabs(subject, shown)?)
+    }
+
+    /// Whether there is room for all particles of the data's pages at once.
+    fn holds_all_at_once(&self) -> bool {
+        let account = self.account.filter(|_| matches!(self.data, Data::Pages(_)));
+        account.is_none_or(|account| self.scene.streamer.residency.all_take_at_most(account.at_once))
     }
 
     /// Draws a flat picture in slabs.
@@ -71,14 +97,14 @@ impl Session {
         })
     }
 
-    /// The ranges of a volume's colours where views are listed; `None` of what is not drawn in slabs.
+    /// The ranges of a volume's colours where not all of it is decoded at once; `None` of what is not drawn in slabs.
     pub(in crate::picture) fn levels_in_slabs(
         &mut self,
         subject: &Subject<'_>,
         view: &View,
         tau: f64,
     ) -> Result<Option<Levels>, PictureError> {
-        if !self.lists() || !subject.takes_supply() {
+        if !subject.takes_supply() || self.holds_all_at_once() {
             return Ok(None);
         }
         let listing = self.list(subject, view, tau)?;

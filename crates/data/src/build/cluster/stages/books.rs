@@ -2,7 +2,11 @@
 //! its own, and quantities are read once instead of four times.
 
 use super::drawn::DrawnLeaf;
+use super::tables::BATCH;
 use super::*;
+
+/// Bytes that a batch takes once it is coded, for each byte that tells of it.
+const CODED: u64 = 2;
 
 /// What came of drawing leaves, by family and number among its leaves that are drawn.
 pub(super) type Squares = BTreeMap<(usize, usize), [f64; 2]>;
@@ -40,14 +44,17 @@ impl Task<'_> {
 
     pub(super) fn quantize(self, task: u32) -> Result<(), BuildError> {
         let (scaled, books) = (self.scaled()?, self.books()?);
+        self.check_drawing()?;
         let own = books_by_task(&books, self.settings.code).swap_remove(task as usize);
+        let held = largest_book(&own, &books).saturating_mul(BATCH + CODED);
+        let room = self.left_beside(held, "a task that codes what shares a codebook")?;
         self.progress.begin("coding", own.len() as u64);
         let spill = self.spill();
         let mut coded: Vec<(usize, CodedBook)> = Vec::with_capacity(own.len());
         for number in own {
             let (family, book) = &books[number];
             let scaled = self.scaled_family(&scaled, *family)?;
-            coded.push((number, self.quantized_book(task, scaled, book, &spill)?));
+            coded.push((number, self.quantized_book(self.near(task, room), scaled, book, &spill)?));
             self.progress.advance(1);
         }
         let squares = self.squares(&scaled, &coded, &spill)?;
@@ -57,9 +64,14 @@ impl Task<'_> {
     }
 
     /// Codes what shares a codebook.
-    fn quantized_book(&self, task: u32, scaled: &Scaled, book: &Book, spill: &Spill) -> Result<CodedBook, BuildError> {
+    fn quantized_book(
+        &self,
+        near: Spill,
+        scaled: &Scaled,
+        book: &Book,
+        spill: &Spill,
+    ) -> Result<CodedBook, BuildError> {
         let temporary = |error| BuildError::temporary(spill, error);
-        let near = self.near(task, self.memory(&scaled.outline, 0).particles);
         let mut shared = self.shared(spill, scaled, book)?;
         shared.copy(spill, &near).map_err(temporary)?;
         let bits = self.options.octree.code_bits();
@@ -78,6 +90,15 @@ impl Task<'_> {
         };
         let parts = book.parts.iter().map(put).collect::<io::Result<_>>().map_err(temporary)?;
         Ok(CodedBook { book: coded, parts })
+    }
+
+    /// Whether the task may hold what it knows of all leaves while it chooses those that are drawn.
+    fn check_drawing(&self) -> Result<(), BuildError> {
+        // Plain codes are drawn by nobody.
+        let families = if self.is_refined() { self.joined()? } else { Vec::new() };
+        let held = families.iter().filter_map(|family| family.trees.first()).map(Joined::held_by_drawing).max();
+        self.left_beside(held.unwrap_or(0), "a task that draws leaves, of all of which it knows the masses,")?;
+        Ok(())
     }
 
     /// Draws those of the leaves that are drawn which the task has coded.
@@ -146,6 +167,11 @@ impl Task<'_> {
         coded.book.check(0, attributes, self.options.octree.code_bits())?;
         expect("parts of a codebook", coded.parts.len(), book.parts.len())
     }
+}
+
+/// Bytes by which the batches of the largest of some codebooks are told of.
+pub(super) fn largest_book(own: &[usize], books: &[(usize, Book)]) -> u64 {
+    own.iter().map(|number| books[*number].1.bytes()).max().unwrap_or(0)
 }
 
 /// The codebooks that each of so many tasks has, in order.

@@ -1,5 +1,6 @@
 //! The stages that code quantities in parts, more of them than there are codebooks: these are trained, drafted, refined and settled.
 
+use super::tables::BATCH;
 use super::*;
 
 impl Task<'_> {
@@ -20,6 +21,8 @@ impl Task<'_> {
         let spill = self.spill();
         let bits = self.options.octree.code_bits();
         let own = books_by_task(&books, self.settings.train).swap_remove(task as usize);
+        let largest = largest_book(&own, &books);
+        self.left_beside(largest.saturating_mul(BATCH), "a task that trains what shares a codebook")?;
         self.progress.begin("training", own.len() as u64);
         let train = |number: usize| {
             let (family, book) = &books[number];
@@ -41,7 +44,7 @@ impl Task<'_> {
         self.of_all("train", &books_by_task(books, self.settings.train), |_, _| Ok(()))
     }
 
-    /// Does something to each of a task's units, as many at a time as there are threads.
+    /// Does something to each of a task's units, as many at a time as there are threads and as memory has room for.
     pub(super) fn with_units<R: Send>(
         &self,
         task: u32,
@@ -50,10 +53,11 @@ impl Task<'_> {
     ) -> Result<Vec<(usize, R)>, BuildError> {
         let (scaled, books) = (self.scaled()?, self.books()?);
         let units = units(&books);
-        let own = self.own_units(&books, task);
+        let own: Vec<(usize, usize)> = self.own_units(&books, task).into_iter().enumerate().collect();
+        let at_once = self.units_at_once(own.iter().map(|(_, unit)| units[*unit]), &books)?;
         self.progress.begin("coding", own.len() as u64);
         let bits = self.options.octree.code_bits();
-        let one = |(place, &unit): (usize, &usize)| {
+        let one = |&(place, unit): &(usize, usize)| {
             let (number, part) = units[unit];
             let (family, book) = &books[number];
             let scaled = self.scaled_family(&scaled, *family)?;
@@ -66,7 +70,24 @@ impl Task<'_> {
             self.progress.advance(1);
             Ok((unit, worked))
         };
-        own.par_iter().enumerate().with_max_len(1).map(one).collect()
+        let mut all = Vec::with_capacity(own.len());
+        for some in own.chunks(at_once.unwrap_or(own.len()).max(1)) {
+            all.extend(some.par_iter().with_max_len(1).map(&one).collect::<Result<Vec<_>, BuildError>>()?);
+        }
+        Ok(all)
+    }
+
+    /// How many of some units, each of which is read with its run, may be worked at at a time; `None`: as many as there are threads.
+    fn units_at_once(
+        &self,
+        units: impl Iterator<Item = (usize, usize)>,
+        books: &[(usize, Book)],
+    ) -> Result<Option<usize>, BuildError> {
+        let run = |(book, part): (usize, usize)| books[book].1.run_around(part).map_or(0, |(_, run)| run.len() as u64);
+        let largest = units.map(run).max().unwrap_or(0).saturating_mul(BATCH);
+        let left = self.left_beside(largest, "a task that codes parts of what shares a codebook")?;
+        let at_once = 1 + (left / largest.max(1)) as usize;
+        Ok((at_once < rayon::current_num_threads()).then_some(at_once))
     }
 
     pub(super) fn code(self, task: u32) -> Result<(), BuildError> {
@@ -80,7 +101,8 @@ impl Task<'_> {
             self.with_units(task, &spill, |Unit { book, group, part, scaling, spill, .. }| {
                 let trained = trained.get(&book).ok_or_else(|| self.unsound("fewer quantisers than codebooks"))?;
                 let (kept, sums) = trained.code(group, part, scaling).map_err(temporary)?;
-                Ok((spill.put(&[&kept.bytes()]).map_err(temporary)?, sums))
+                let put = |bytes: Vec<u8>| spill.put(&[&bytes]).map_err(temporary);
+                Ok((put(kept.bytes())?, put(sums.bytes())?))
             })?;
         drop(spill);
         self.hand_on(&coded, 0, 0)
@@ -104,8 +126,7 @@ impl Task<'_> {
         let (scaled, books) = (self.scaled()?, self.books()?);
         let trained = self.trained(&books)?;
         let bits = self.options.octree.code_bits();
-        let mut sums = self.of_units::<(Blob, Sums)>("code", &books, |_, _, _| Ok(()))?.into_iter();
-        let mixed = |what| job_error(self.parts.folder(), &format!("{what}, in a result of stage code"));
+        let mut sums = self.of_units::<(Blob, Blob)>("code", &books, |_, _, _| Ok(()))?.into_iter();
         let mut drafts = Vec::with_capacity(books.len());
         let spill = self.spill();
         for ((family, book), trained) in books.iter().zip(&trained) {
@@ -113,7 +134,8 @@ impl Task<'_> {
             let trained = self.checked_value(&spill, trained, |trained: &Trained| trained.check(bits))?;
             let mut totals = trained.totals(scaling);
             for (part, (_, sums)) in book.parts.iter().zip(sums.by_ref()) {
-                totals.check(&sums, part.particles).map_err(mixed)?;
+                let check = |sums: &Sums| totals.check(sums, part.particles);
+                let sums = self.checked_value(&spill, &sums, check)?;
                 totals.add(part.group, sums);
             }
             drafts.push(totals.draft(&trained, scaling));
@@ -185,9 +207,9 @@ impl Task<'_> {
     }
 
     /// Where a stage has put the codes of a task's units.
-    fn kept<R: Portable>(&self, stage: &str, task: u32, books: &[(usize, Book)]) -> Result<Vec<Blob>, BuildError> {
+    fn kept(&self, stage: &str, task: u32, books: &[(usize, Book)]) -> Result<Vec<Blob>, BuildError> {
         let own = self.own_units(books, task);
-        let units = self.of_task::<(Blob, R)>(stage, task, &own, |_, _| Ok(()))?;
+        let units = self.of_task::<(Blob, Blob)>(stage, task, &own, |_, _| Ok(()))?;
         Ok(units.into_iter().map(|(_, (kept, _))| kept).collect())
     }
 
@@ -196,14 +218,15 @@ impl Task<'_> {
         let temporary = |error| BuildError::temporary(&spill, error);
         let books = self.books()?;
         let drafts = self.own_drafts("draft", task, &spill, &books)?;
-        let kept = self.kept::<Sums>("code", task, &books)?;
-        let refined: RefinedUnits = self.with_units(task, &spill, |unit| {
+        let kept = self.kept("code", task, &books)?;
+        let refined: CodedUnits = self.with_units(task, &spill, |unit| {
             let (draft, mut codes) = (self.draft_of(&drafts, &unit)?, self.codes_of(&spill, &kept, &unit)?);
             let mut counts = Vec::new();
             if draft.is_of_lines() {
                 (codes, counts) = draft.refine(unit.group, unit.part, codes).map_err(temporary)?;
             }
-            Ok((unit.spill.put(&[&codes.bytes()]).map_err(temporary)?, counts))
+            let put = |bytes: Vec<u8>| unit.spill.put(&[&bytes]).map_err(temporary);
+            Ok((put(codes.bytes())?, put(counts.bytes())?))
         })?;
         drop(spill);
         self.hand_on(&refined, 0, 0)
@@ -212,16 +235,21 @@ impl Task<'_> {
     pub(super) fn lines(self) -> Result<(), BuildError> {
         let books = self.books()?;
         let mut drafts = self.drafts("draft", &self.scaled()?, &books)?;
-        let counts = self.of_units("refine", &books, |_, part, (_, counts): &(Blob, Vec<u64>)| {
-            expect_within("refined codes", total(counts.iter().copied()), 0..=part.particles)
-        })?;
-        let mut counts = counts.iter().map(|(_, counts)| counts);
+        let mut counts = self.of_units::<(Blob, Blob)>("refine", &books, |_, _, _| Ok(()))?.into_iter();
+        let spill = self.spill();
         for ((_, book), draft) in books.iter().zip(&mut drafts) {
-            let own: Vec<&Vec<u64>> = counts.by_ref().take(book.parts.len()).collect();
+            let read = |(part, (_, counts)): (&Part, (Blob, Blob))| {
+                self.checked_value(&spill, &counts, |counts: &Vec<u64>| {
+                    expect_within("refined codes", total(counts.iter().copied()), 0..=part.particles)
+                })
+            };
+            let own =
+                book.parts.iter().zip(counts.by_ref()).map(read).collect::<Result<Vec<Vec<u64>>, BuildError>>()?;
             if draft.is_of_lines() {
-                draft.conserve(own);
+                draft.conserve(&own);
             }
         }
+        drop(spill);
         self.hand_on_drafts(&drafts)
     }
 
@@ -254,10 +282,7 @@ impl Task<'_> {
         let temporary = |error| BuildError::temporary(&spill, error);
         let books = self.books()?;
         let drafts = self.own_drafts(self.last_drafts(), task, &spill, &books)?;
-        let kept = match self.is_refined() {
-            true => self.kept::<Vec<u64>>("refine", task, &books)?,
-            false => self.kept::<Sums>("code", task, &books)?,
-        };
+        let kept = self.kept(if self.is_refined() { "refine" } else { "code" }, task, &books)?;
         let settled: SettledUnits = self.with_units(task, &spill, |unit| {
             let (draft, codes) = (self.draft_of(&drafts, &unit)?, self.codes_of(&spill, &kept, &unit)?);
             let (spill, scaling) = (unit.spill, unit.scaling);

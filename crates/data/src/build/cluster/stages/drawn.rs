@@ -1,5 +1,7 @@
 //! The leaves that are drawn to tell what codes do to a picture: few of all, each read where it lies.
 
+use super::pages::NODES;
+use super::tables::BATCH;
 use super::*;
 use crate::build::coding::{Drawn, Leaf, drawn};
 use crate::build::column_error::Picture;
@@ -23,6 +25,23 @@ impl DrawnLeaf {
     }
 }
 
+/// Depth and mass of a leaf.
+type About = (usize, f64);
+
+impl Joined {
+    /// Bytes that are held at most while the leaves to draw are chosen and read: what is known of each leaf, in a list that has just grown; and
+    /// a run of batches, or the nodes that were whole with a group of buckets.
+    pub(super) fn held_by_drawing(&self) -> u64 {
+        let books = || self.books.iter().filter(|book| book.is_of_leaves());
+        let leaves = total(books().map(|book| book.batches() as u64));
+        let len = |blob: &Blob| blob.len() as u64;
+        let run = books().flat_map(|book| book.runs()).map(|(_, run)| len(run)).max().unwrap_or(0);
+        let nodes = self.drafts.iter().map(len).max().unwrap_or(0);
+        let read = run.saturating_mul(BATCH).max(nodes.saturating_mul(NODES));
+        leaves.saturating_mul(2 * size_of::<About>() as u64).saturating_add(read)
+    }
+}
+
 impl Task<'_> {
     /// The leaves of a tree to draw.
     pub(super) fn drawn_leaves(
@@ -33,7 +52,7 @@ impl Task<'_> {
         picture: &Picture,
     ) -> Result<Vec<DrawnLeaf>, BuildError> {
         let books: Vec<&Book> = tree.books.iter().take_while(|book| book.is_of_leaves()).collect();
-        let mut about: Vec<(usize, f64)> = Vec::new();
+        let mut about: Vec<About> = Vec::new();
         for book in &books {
             for (parts, blob) in book.runs() {
                 let entries = self.run_of(spill, scaled, book, parts, blob)?;

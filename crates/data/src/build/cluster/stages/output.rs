@@ -2,6 +2,9 @@
 
 use super::*;
 
+/// Bytes that are held of a page in the end: what its task has told of it, as that is read and in a list that grows, and the table of all pages.
+const PAGE: u64 = 5 * size_of::<PageEntry>() as u64;
+
 impl Task<'_> {
     /// How often which values are in the columns of a family.
     pub(super) fn histograms(
@@ -103,6 +106,7 @@ impl Task<'_> {
     pub(super) fn finish(self) -> Result<(), BuildError> {
         let index = self.page_plan()?;
         let pages = index.count();
+        self.left_beside(pages.saturating_mul(PAGE), "stage finish, which knows all pages,")?;
         let Pages { tasks, end, version, about, .. } = index;
         let mut table: Vec<(u32, PageEntry)> = Vec::new();
         for (task, (_, planned)) in (0..).zip(&tasks) {

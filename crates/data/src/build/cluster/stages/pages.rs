@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 /// Bytes by which a task tells of a node, mostly more.
 const NODE_TOLD: u64 = 150;
 /// Bytes that nodes of a group of buckets take while they are put away, for each byte that tells of them.
-const NODES: u64 = 8;
+pub(super) const NODES: u64 = 8;
 /// The same of the batches of a group, with what they were coded to.
 const BATCHES: u64 = 7;
 
@@ -69,7 +69,7 @@ impl Task<'_> {
         for (number, ((scaled, outline), (joined, tasks))) in known {
             let Some((scaled, outline)) = scaled.zip(outline) else { continue };
             let JoinedFamily { trees, estimated, derived } = joined;
-            held = self.check_paging(&scaled.outline, &trees, held)?;
+            held = self.check_paging(&trees, held)?;
             let mut books = Books::default();
             let mut parts: Vec<Vec<Vec<Blob>>> = Vec::new();
             for (kind, tree) in trees.iter().enumerate() {
@@ -126,7 +126,7 @@ impl Task<'_> {
 
     /// Whether the task may hold what it does of a family's trees, beside so many bytes of those before; how many it is with those that are held to the
     /// end.
-    fn check_paging(&self, outline: &Outline, trees: &[Joined], before: u64) -> Result<u64, BuildError> {
+    fn check_paging(&self, trees: &[Joined], before: u64) -> Result<u64, BuildError> {
         let len = |blob: &Blob| blob.len() as u64;
         let nodes = || trees.iter().flat_map(|tree| &tree.drafts).map(len);
         let held = before.saturating_add(total(nodes()) / NODE_TOLD * TreeSizes::HELD);
@@ -139,7 +139,7 @@ impl Task<'_> {
         let batches = groups.into_values().max().unwrap_or(0).saturating_mul(BATCHES);
         let what =
             "stage pages, which knows the sizes of all nodes and puts those of one group of buckets away at a time,";
-        self.memory_of_whole(outline, held.saturating_add(nodes).saturating_add(batches), what)?;
+        self.left_beside(held.saturating_add(nodes).saturating_add(batches), what)?;
         Ok(held)
     }
 

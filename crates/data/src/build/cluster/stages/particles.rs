@@ -5,6 +5,9 @@ use super::*;
 
 /// Tasks whose files are read at a time.
 const AT_ONCE: u32 = 64;
+/// Bytes that what a task has seen of the source takes while it is joined with others, for each byte that tells of it: as it is read, and in lists
+/// that grow.
+const SURVEYED: u64 = 3;
 
 impl Task<'_> {
     pub(super) fn survey(self, task: u32) -> Result<(), BuildError> {
@@ -30,6 +33,8 @@ impl Task<'_> {
         let (mut left_out, mut checksums) = (Vec::new(), Vec::new());
         let mut outlines: Vec<Option<(Outline, Blob)>> = Vec::new();
         for (stream, tasks) in streams.families.iter().zip(self.settings.inputs()) {
+            let held = total(self.told_by("survey", tasks.clone())).saturating_mul(SURVEYED);
+            self.left_beside(held, "stage plan, which knows all sampled positions,")?;
             let mut parts = Vec::with_capacity(tasks.len());
             for task in tasks {
                 let (part, left) = self.surveyed(task, stream)?;
@@ -223,20 +228,19 @@ impl Task<'_> {
                 continue;
             };
             let columns = outline.columns;
+            let (estimated, derived) = (Self::found_columns("neighbours", &outline), outline.derived_columns());
+            let held = Memory::found(outline.plan.len(), estimated + derived);
+            self.left_beside(held, "stage scale, which knows a sample of what was found for each bucket,")?;
             let sampled = |samples: &Columns| expect("sampled columns", samples.attributes.len(), columns);
             outline.survey.put_samples(self.checked_value(&spill, &samples, sampled)?);
             let note = outline.note();
             let mut means = Vec::new();
-            let sum = |stage: &str, outline: &Outline| {
-                let seen = self.found(stage, family, outline)?.into_iter().map(|(seen, _)| seen);
-                Ok::<_, BuildError>(found::sum(seen, Self::found_columns(stage, outline)))
-            };
-            if outline.estimating().is_some() {
-                let found = sum("neighbours", &outline)?;
+            if estimated > 0 {
+                let found = self.found("neighbours", family, &outline)?;
                 outline.survey.estimated(found);
             }
-            if outline.derived_columns() > 0 {
-                let found = sum("motion", &outline)?;
+            if derived > 0 {
+                let found = self.found("motion", family, &outline)?;
                 means = found.means();
                 outline.derived(found);
             }

@@ -2,6 +2,7 @@
 //! them can be what they are used as. Counts add up to those of the plan, lists are as long as what they tell of, and what names a bucket, a
 //! node, a codebook or a part names one that is there. So stages need not look at that again, and allocate no more than particles ask for.
 
+use super::pages::NODES;
 use super::*;
 use std::fmt::Display;
 
@@ -139,19 +140,24 @@ impl Task<'_> {
         })
     }
 
-    /// What was found for the buckets of a family, in their order.
-    pub(super) fn found(&self, stage: &str, family: usize, outline: &Outline) -> Result<Found, BuildError> {
-        let columns = Self::found_columns(stage, outline);
-        let mut all = Found::new();
+    /// What was found for the buckets of a family, added up in their order.
+    pub(super) fn found(&self, stage: &str, family: usize, outline: &Outline) -> Result<Seen, BuildError> {
+        let (columns, count) = (Self::found_columns(stage, outline), outline.survey.count);
+        let (mut all, mut values) = (Seen::none(columns), vec![0_u64; columns]);
+        let check = |wrong: Option<&u64>| match wrong {
+            None => Ok(()),
+            Some(found) => Err(self.mixed(stage, "values", *found, count)),
+        };
         for task in self.settings.groups().nth(family).into_iter().flatten() {
-            all.extend(self.found_of(stage, task, outline)?);
+            for (seen, _) in self.found_of(stage, task, outline)? {
+                values.iter_mut().zip(&seen.ranges).for_each(|(sum, own)| *sum = total([*sum, own.values()]));
+                // Ranges add up as long as their values are no more than there are particles.
+                check(values.iter().find(|found| **found > count))?;
+                all = all.with(seen);
+            }
         }
-        let values = |column: usize| total(all.iter().map(|(seen, _)| seen.ranges[column].values()));
-        let wrong = (0..columns).map(values).find(|found| *found != outline.survey.count);
-        match wrong {
-            None => Ok(all),
-            Some(found) => Err(self.mixed(stage, "values", found, outline.survey.count)),
-        }
+        check(values.iter().find(|found| **found != count))?;
+        Ok(all)
     }
 
     /// The buckets of a task that has some of a family.
@@ -230,9 +236,6 @@ impl Task<'_> {
 
     /// What shares a codebook of a family, all of it.
     pub(super) fn shared(&self, spill: &Spill, scaled: &Scaled, book: &Book) -> Result<Shared, BuildError> {
-        let bytes = total(book.runs().map(|(_, run)| run.len() as u64));
-        let what = "a task that trains a codebook";
-        self.memory_of_whole(&scaled.outline, bytes.saturating_mul(BATCH), what)?;
         let mut all: Vec<Entry> = Vec::new();
         for (parts, run) in book.runs() {
             all.extend(self.run_of(spill, scaled, book, parts, run)?);
@@ -248,9 +251,7 @@ impl Task<'_> {
         book: &Book,
         part: usize,
     ) -> Result<Shared, BuildError> {
-        let group = book.parts[part].group;
-        let own = book.runs().find(|(parts, _)| parts[0].group == group);
-        let (parts, run) = own.ok_or_else(|| self.unsound("parts of no batches"))?;
+        let (parts, run) = book.run_around(part).ok_or_else(|| self.unsound("parts of no batches"))?;
         Ok(book.shared(parts[0].batches.start, self.run_of(spill, scaled, book, parts, run)?))
     }
 
@@ -317,6 +318,8 @@ impl Task<'_> {
             let is_place = |offset: u64| (ALIGNMENT..index.end).contains(&offset) && offset.is_multiple_of(ALIGNMENT);
             expect_that(pages.iter().all(|page| is_place(page.offset)), "page", "a place before the end of all")
         })?;
+        let bytes = total(nodes.iter().map(|blob| blob.len() as u64));
+        self.left_beside(bytes.saturating_mul(NODES), "a task that writes pages, which knows all of their nodes,")?;
         let mut all: Vec<PlacedNode> = Vec::new();
         for blob in &nodes {
             all.extend(self.portable::<Vec<PlacedNode>>(spill, blob)?);
@@ -344,7 +347,7 @@ impl Task<'_> {
 }
 
 /// Bytes that a batch takes in memory, in a list that has just grown, for each byte that tells of it.
-const BATCH: u64 = 3;
+pub(super) const BATCH: u64 = 3;
 
 /// Whether these are counts of so many columns, of no more values than there are particles.
 fn check_columns_counted(counts: &[Vec<u64>], columns: usize, particles: u64) -> Result<(), String> {

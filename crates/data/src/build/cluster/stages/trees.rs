@@ -81,8 +81,7 @@ impl Task<'_> {
         let most = most_in_nodes(count).saturating_mul(kinds.len() as u64).saturating_add(count);
         let held = self.held_by_joining(tasks.clone());
         let what = "stage join, which knows all leaves and builds the nodes of one group of buckets at a time,";
-        let room = self.memory_of_whole(outline, held, what)?.particles;
-        let near = self.near(0, room);
+        let near = self.near(0, self.left_beside(held, what)?);
         let mut joiner = grower.joiner();
         let mut trees: Vec<Growing> = kinds.iter().map(|_| Growing::default()).collect();
         let (mut joined, mut counts) = (JoinedFamily::default(), 0_u64);
@@ -112,7 +111,7 @@ impl Task<'_> {
             if found != count {
                 return Err(self.mixed("partition or grow", "particles of leaves", found, count));
             }
-            self.memory_of_whole(outline, held.saturating_add(SORTED * gathering.largest()), what)?;
+            self.left_beside(held.saturating_add(SORTED * gathering.largest()), what)?;
             let books = gathering.books(&near, spill, self.options.octree.code_bits().entries, scope(*kind));
             joined.trees.push(Joined { drafts, levels, books: books.map_err(temporary)? });
         }
@@ -121,9 +120,7 @@ impl Task<'_> {
 
     /// Bytes that are held, about, where what these tasks have built is joined.
     fn held_by_joining(&self, tasks: Range<u32>) -> u64 {
-        let names = self.job.names();
-        let header = |task: u32| names.done(self.job.number("grow", task).ok()?);
-        let bytes: Vec<u64> = tasks.filter_map(header).map(|header| header.index_bytes()).collect();
+        let bytes = self.told_by("grow", tasks);
         let all = total(bytes.iter().copied()) / PIECE_TOLD * Gathering::HELD;
         all.saturating_add(bytes.into_iter().max().unwrap_or(0).saturating_mul(JOINED))
     }

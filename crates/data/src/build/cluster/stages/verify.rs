@@ -57,13 +57,14 @@ impl Task<'_> {
                 let trained: Vec<(usize, Blob)> = self.index(stage, task)?;
                 self.has_values::<Trained>(trained.into_iter().map(|(_, trained)| trained))
             }
-            "code" => {
+            "code" | "refine" => {
                 let units: CodedUnits = self.index(stage, task)?;
-                self.has_values::<Vec<Codes>>(units.into_iter().map(|(_, (codes, _))| codes))
-            }
-            "refine" => {
-                let units: RefinedUnits = self.index(stage, task)?;
-                self.has_values::<Vec<Codes>>(units.into_iter().map(|(_, (codes, _))| codes))
+                let (codes, counted): (Vec<Blob>, Vec<Blob>) = units.into_iter().map(|(_, unit)| unit).unzip();
+                self.has_values::<Vec<Codes>>(codes)?;
+                match stage {
+                    "code" => self.has_values::<Sums>(counted),
+                    _ => self.has_values::<Vec<u64>>(counted),
+                }
             }
             "draft" | "lines" => {
                 let drafts: Vec<Blob> = self.index(stage, task)?;

@@ -3,6 +3,7 @@
 
 use super::*;
 use crate::build::coding::{Book, Entry};
+use crate::build::found::Seen;
 use crate::build::spill::{Blob, Spill};
 use crate::build::tree::Draft;
 use crate::hierarchy::LevelInfo;
@@ -121,18 +122,52 @@ fn nodes_are_joined_and_paged_a_group_at_a_time() {
 #[test]
 fn what_takes_too_much_memory_to_be_joined_is_refused_before_it_is_read() {
     let case = case(false);
-    let job = job_before(&case, "join");
-    let number = job.number("grow", 1).unwrap();
-    Parts::of_task(job.names(), number).unwrap().finish(&vec![0_u8; 20 << 20], 0, 0).unwrap();
-    let join = |memory: u64| job.run("join", 0, Some(memory), &()).unwrap_err().to_string();
-    let told = join(32 << 20);
-    assert!(told.contains("out.df: stage join, which ") && told.ends_with("that the build may take"), "{told}");
-    let (_, needed) = told.split_once("takes about ").unwrap();
-    let needed: u64 = needed.split_once(" MiB").unwrap().0.parse().unwrap();
-    assert!((200..400).contains(&needed), "{told}");
-    // With as much as it says it is read.
-    let told = join(needed << 20);
-    assert!(told.contains("grow.1: index: found other values") && told.ends_with("run stage grow, task 1"), "{told}");
+    for (stage, before, mebibytes, what) in [
+        ("plan", "survey", 40, "stage plan, which knows all sampled positions,"),
+        ("join", "grow", 20, "stage join, which knows all leaves"),
+    ] {
+        let job = job_before(&case, stage);
+        let number = job.number(before, 1).unwrap();
+        Parts::of_task(job.names(), number).unwrap().finish(&vec![0_u8; mebibytes << 20], 0, 0).unwrap();
+        let run = |memory: u64| job.run(stage, 0, Some(memory), &()).unwrap_err().to_string();
+        let told = run(32 << 20);
+        let is_refused = told.contains(&format!("out.df: {what}")) && told.ends_with("that the build may take");
+        assert!(is_refused, "{told}");
+        let (_, needed) = told.split_once("takes about ").unwrap();
+        let needed: u64 = needed.split_once(" MiB").unwrap().0.parse().unwrap();
+        assert!((200..400).contains(&needed), "{told}");
+        // With as much as it says it is read.
+        let told = run(needed << 20);
+        let is_read = told.contains(&format!("{before}.1: index: found other values"));
+        assert!(is_read && told.ends_with(&format!("run stage {before}, task 1")), "{told}");
+        job.run(before, 1, None, &()).unwrap();
+    }
+    run_all(&case.plan(4).unwrap());
+    assert!(case.built() == case.expected());
+}
+
+/// Of each bucket a stage that finds columns tells what one task adds up.
+#[test]
+fn what_was_found_for_buckets_adds_up_to_all_particles() {
+    let case = case(true);
+    let job = job_before(&case, "scale");
+    let number = job.number("neighbours", 2).unwrap();
+    let path = job.names().path(number);
+    let sound = std::fs::read(&path).unwrap();
+    let found = || Parts::reader(job.names()).index::<Vec<(Seen, Option<Blob>)>>(number).unwrap();
+    let forged: [fn(&mut Seen); 3] = [
+        |seen| seen.ranges[1] = crate::hierarchy::attribute_info::Range::EMPTY,
+        |seen| seen.ranges[1].missing += 1,
+        |seen| seen.ranges[0].missing = u64::MAX,
+    ];
+    for forge in forged {
+        let mut others = found();
+        forge(&mut others[0].0);
+        Parts::of_task(job.names(), number).unwrap().finish(&others, 0, 0).unwrap();
+        let told = job.run("scale", 0, None, &()).unwrap_err().to_string();
+        assert!(told.contains("values: found ") && told.contains("in all results of stage neighbours"), "{told}");
+        std::fs::write(&path, &sound).unwrap();
+    }
     run_all(&job);
     assert!(case.built() == case.expected());
 }

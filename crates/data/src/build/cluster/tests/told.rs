@@ -206,6 +206,28 @@ fn particles_that_are_missing_are_told() {
     assert!(case.built() == case.expected());
 }
 
+/// Of sums that are those of other parts the task is told that has left them.
+#[test]
+fn sums_of_other_parts_are_told_of_their_task() {
+    type Units = Vec<(usize, (Blob, Blob))>;
+    let case = Case::small();
+    let job = case.plan(2).unwrap();
+    run_before(&job, "draft");
+    let path = job.names().path(job.number("code", 0).unwrap());
+    let sound = std::fs::read(&path).unwrap();
+    let start = u64::from_le_bytes(sound[24..32].try_into().unwrap()) as usize;
+    let units = Units::of_bytes(&sound[start..]).unwrap();
+    let apart = |(number, (codes, sums)): (usize, (Blob, Blob))| ((number, codes), sums);
+    let (codes, mut sums): (Vec<(usize, Blob)>, Vec<Blob>) = units.into_iter().map(apart).unzip();
+    sums.rotate_left(1);
+    let forged: Units = codes.into_iter().zip(sums).map(|((number, codes), sums)| (number, (codes, sums))).collect();
+    std::fs::write(&path, with_index(&sound, start, &forged)).unwrap();
+    let told = job.run("draft", 0, None, &()).unwrap_err().to_string();
+    assert!(told.contains("code.0: ") && told.ends_with("run stage code, task 0") && !path.exists(), "{told}");
+    run_all(&job);
+    assert!(case.built() == case.expected());
+}
+
 /// The same of values.
 #[test]
 fn values_that_were_not_counted_are_told() {

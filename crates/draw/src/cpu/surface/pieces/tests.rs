@@ -54,10 +54,11 @@ fn pieces_are_the_whole_to_the_bit_within_the_room() {
     for (number, (away, projection)) in views.into_iter().enumerate() {
         let view = View::look_at(middle + away, middle, DVec3::Z, projection, SIZE[0], SIZE[1]).unwrap();
         let sight = Sight::Flat(view);
-        // Lines, for which pieces look further around, in the first; raw channels, too, in the second.
+        // Lines, for which pieces look further around, and samples of pixels in the first; raw channels, too, in the second.
         let raw = number == 1;
         let look = Some(Look { contours: look.contours.filter(|_| !raw), ..look.clone() });
-        let options = SurfaceOptions { tau: 0.0, raw, look, samples: 4, ..SurfaceOptions::default() };
+        let samples = if raw { 1 } else { 4 };
+        let options = SurfaceOptions { tau: 0.0, raw, look, samples, ..SurfaceOptions::default() };
         let (ample, scant) = (surface(1 << 30), surface(ROOM));
         assert!(Pieces::of(&ample, &placed, &sight, &options).is_none(), "view {number}");
         let divided = Pieces::of(&scant, &placed, &sight, &options).unwrap();

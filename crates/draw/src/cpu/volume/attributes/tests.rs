@@ -160,7 +160,7 @@ proptest! {
         (unit, distance) in (prop::sample::select(vec![1.0, 1e9]), 0.5_f64..8.0),
     ) {
         let memory = [0, 300 << 10, 1 << 30][memory];
-        let mut groups = random_groups(seed, count, unit, (together, SUPPLIED_SHARE * memory));
+        let mut groups = random_groups(seed, count, unit, (together, SLAB_SHARE * memory));
         let view = perspective(distance * DVec3::new(0.3, 0.2, 0.93), 66, 50);
         let axis = ValueAxis::new(Scale::Linear, [-1.2, 1.2]);
         let opacity = Some(ByDensity { range: [1e-3 * unit, unit] });
@@ -175,7 +175,7 @@ proptest! {
         let (wanted, densities): (Vec<Column>, Vec<bool>) = columns.unzip();
         let surface = Surface { value: 1.5, color: None, opacity: 0.9 };
         let scenery = scenery(RAMP, [1e-3, 2.0], 0.3, vec![surface]);
-        let options = VolumeOptions { memory, occlusion, ..VolumeOptions::default() };
+        let options = VolumeOptions { memory: SLAB_SHARE * memory, occlusion, ..VolumeOptions::default() };
         let whole = Columns::prepare(&view, &groups.batches(), &wanted, &options);
         let supplied = Columns::prepare_supplied(&view, &mut groups, &wanted, &densities, &options);
         let (whole, (columns, histograms)) = match (whole, supplied) {

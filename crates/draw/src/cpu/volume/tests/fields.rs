@@ -254,8 +254,8 @@ fn the_field_is_the_exact_sum_on_real_data() {
         distances.sort_by(f64::total_cmp);
         let size = distances[distances.len() * 3 / 4];
         for distance in [0.8, 3.0] {
-            let view = perspective(DVec3::new(0.5, 0.4, 1.0).normalize() * distance * size, 256, 192);
-            let errors = compare(&view, &cloud, &VolumeOptions { kernel: dataset.kernel, ..EXACTLY }, 997);
+            let view = perspective(DVec3::new(0.5, 0.4, 1.0).normalize() * distance * size, 160, 120);
+            let errors = compare(&view, &cloud, &VolumeOptions { kernel: dataset.kernel, ..EXACTLY }, 241);
             println!("{file} from {distance} sizes: {errors:?}");
             assert!(errors.samples > 1000 && errors.density < 1e-4 && errors.weighted < 1e-4, "{errors:?}");
         }

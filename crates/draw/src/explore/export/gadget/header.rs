@@ -30,7 +30,8 @@ pub(super) fn groups(counts: [u64; TYPES], stated: &Stated, quantities: &[(&str,
     header.extend(stated.time.map(|time| number("Time", time)));
     let redshift = stated.redshift.or_else(|| stated.time.filter(|_| stated.is_comoving).and_then(redshift_of));
     header.extend(redshift.map(|redshift| number("Redshift", redshift)));
-    header.extend(stated.box_size.map(|edge| number("BoxSize", edge)));
+    // Readers ask for it; 0 is none.
+    header.push(number("BoxSize", stated.box_size.unwrap_or(0.0)));
     if let Some(cosmology) = stated.cosmology {
         header.push(number("Omega0", cosmology.omega_matter));
         header.push(number("OmegaLambda", cosmology.omega_lambda));
