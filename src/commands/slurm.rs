@@ -23,17 +23,24 @@ if [ "${1-}" = --task ]; then
     exec "$program" "$@"
 fi
 
+# A job that this is called from has its own, which tasks would take for theirs.
+unset SLURM_MEM_PER_NODE SLURM_MEM_PER_CPU
+
 # What is submitted, to be cancelled where something cannot be.
 submitted=
 undo() { [ $? -eq 0 ] || [ -z "$submitted" ] || scancel $submitted; }
 trap undo EXIT
+trap 'exit 129' HUP
+trap 'exit 130' INT
+trap 'exit 143' TERM
 
 # STAGE OFFSET LAST DEPENDENCIES OPTIONS...: gives the number of the array as `id`
 submit() {
     stage=$1 offset=$2 last=$3 after=$4
     shift 4
+    # Last, so that a --dependency of the options holds for the first stage, which others wait for.
     id=$(sbatch --parsable --requeue --kill-on-invalid-dep=yes --job-name="deepfield-$stage" --array="0-$last%$at_once" \
-        ${after:+--dependency=afterok$after} --chdir="$job" --output="logs/$stage-$offset-%A-%a.log" "$@" \
+        --chdir="$job" --output="$logs/$stage-$offset-%A-%a.log" --open-mode=append "$@" ${after:+--dependency=afterok$after} \
         "$job/submit.sh" --task "$stage" "$offset")
     id=${id%%;*}
     submitted="$submitted $id"
@@ -48,6 +55,10 @@ mkdir -p "$job/logs"
 /// When the file cannot be written.
 pub fn write(job: &Job, folder: &Path) -> CommandResult {
     let folder = std::path::absolute(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    if folder.as_os_str().as_encoded_bytes().contains(&b'\\') {
+        let folder = folder.display();
+        return Err(format!("{folder}: --slurm: found a backslash, expected none: SLURM finds no logs there").into());
+    }
     let path = folder.join("submit.sh");
     let text = script(&std::env::current_exe()?, &folder, job.stages());
     std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
@@ -63,6 +74,10 @@ fn script(program: &Path, folder: &Path, stages: &[Stage]) -> Vec<u8> {
     let mut text = b"#!/bin/sh\n# Gives the tasks of a build to SLURM: sh submit.sh [OPTIONS OF sbatch]; what is done is not done again.\n".to_vec();
     text.extend(b"set -eu\njob=");
     text.extend(quoted(folder.as_os_str().as_encoded_bytes()));
+    // SLURM fills in what follows a % in a log's whole name, also in that of its folder.
+    text.extend(b"\nlogs=");
+    let logs = folder.join("logs").into_os_string().into_encoded_bytes();
+    text.extend(quoted(&logs.split(|&byte| byte == b'%').collect::<Vec<_>>().join(&b"%%"[..])));
     text.extend(b"\nprogram=");
     text.extend(quoted(program.as_os_str().as_encoded_bytes()));
     text.extend(format!("\nat_once=${{AT_ONCE:-{AT_ONCE}}}\n{HEAD}").into_bytes());
@@ -116,6 +131,7 @@ mod tests {
     const SBATCH: &str = r#"#!/bin/sh
 number=$(($(cat "$LOG/number") + 1))
 echo $number > "$LOG/number"
+[ -z "${SLURM_MEM_PER_NODE-}${SLURM_MEM_PER_CPU-}" ] || exit 1
 for word in "$@"; do printf '%s\0' "$word"; done > "$LOG/$number"
 [ "$number" != "${FAILS-}" ] || exit 1
 echo "$number;somewhere"
@@ -165,24 +181,28 @@ echo "$number;somewhere"
             command.current_dir(around.path()).output().unwrap()
         };
 
-        let done = shell(&["--comment=two words", "--mem=1G"], &[("AT_ONCE", "7")]);
+        // From within a job of SLURM, and after another.
+        let around_it = [("AT_ONCE", "7"), ("SLURM_MEM_PER_NODE", "2048"), ("SLURM_MEM_PER_CPU", "1024")];
+        let done = shell(&["--comment=two words", "--mem=1G", "--dependency=afterok:5"], &around_it);
         assert!(done.status.success() && done.stderr.is_empty(), "{}", String::from_utf8_lossy(&done.stderr));
         assert_eq!(String::from_utf8(done.stdout).unwrap(), "submitted: 11 12 13 14 15\n");
         let expected = [
-            (11, "survey", 0, 999, None),
-            (12, "survey", 1000, 999, None),
-            (13, "survey", 2000, 499, None),
-            (14, "plan", 0, 0, Some("afterok:11:12:13")),
-            (15, "write", 0, 999, Some("afterok:14:11:12:13")),
+            (11, "survey", 0, 999, "afterok:5"),
+            (12, "survey", 1000, 999, "afterok:5"),
+            (13, "survey", 2000, 499, "afterok:5"),
+            (14, "plan", 0, 0, "afterok:11:12:13"),
+            (15, "write", 0, 999, "afterok:14:11:12:13"),
         ];
         for (number, name, offset, last, dependency) in expected {
             let words = words(&log.join(number.to_string()));
             let options: BTreeMap<&str, &str> = words.iter().filter_map(|word| word.split_once('=')).collect();
             assert_eq!(options["--array"], format!("0-{last}%7"));
-            assert_eq!(options.get("--dependency").copied(), dependency, "{name}");
+            assert_eq!(options["--dependency"], dependency, "{name}");
             assert_eq!((options["--comment"], options["--mem"]), ("two words", "1G"));
             assert_eq!(Path::new(options["--chdir"]), folder);
-            assert!(options["--output"].starts_with("logs/"), "{words:?}");
+            let logs = folder.join("logs").to_str().unwrap().replace('%', "%%");
+            let output = format!("{logs}/{name}-{offset}-%A-%a.log");
+            assert_eq!(options["--output"], output);
             assert!(words.iter().any(|word| word == "--requeue"));
             let called = [path.to_str().unwrap(), "--task", name, &offset.to_string()].map(str::to_owned);
             assert!(words.ends_with(&called), "{words:?}");
