@@ -14,7 +14,8 @@ use deepfield::heights::import::{HeightOptions, open_heights, summarize_heights}
 use deepfield::heights::store::{HeightFile, verify_heights};
 use deepfield::hierarchy::spacetime::Interpolation;
 use deepfield::hierarchy::{OctreeOptions, Purpose};
-use deepfield::import::{GridOptions, LoadOptions, formats, load_source, open_grid, summarize_grid, summarize_source};
+use deepfield::import::{GridOptions, LoadOptions, Source, formats, load_source, open};
+use deepfield::import::{open_grid, summarize_grid, summarize_source};
 use deepfield::look::SceneFile;
 use deepfield::model::{DerivedQuantity, ReadMethod};
 use deepfield::show::protocol::message::{Frame, FromFollower, FromLeader, Message, Report};
@@ -59,24 +60,67 @@ pub fn outputs(bytes: &[u8]) {
     }
 }
 
-/// Opens a file as the format whose name begins with `format`, and reads all of it.
+/// Steps of a file that are read.
+const MOST_STEPS: u64 = 8;
+
+/// Opens a file as the format whose name begins with `format`, and reads all of it, and of its steps the first few.
 fn read_source(format: &str, path: &Path) {
-    let formats = formats().into_iter().filter(|candidate| candidate.name().starts_with(format));
-    for source in formats.filter_map(|candidate| candidate.open(path, ReadMethod::default()).ok()) {
-        let summary = summarize_source(source.as_ref());
-        let loaded = load_source(source.as_ref(), &LoadOptions::default(), &());
-        if let (Ok(summary), Ok(loaded)) = (summary, loaded) {
-            let skipped: u64 = loaded.skipped.iter().map(|skipped| skipped.count).sum();
-            assert_eq!(loaded.len() as u64 + skipped, summary.particles);
+    for format in formats().into_iter().filter(|candidate| candidate.name().starts_with(format)) {
+        if let Ok(source) = format.open(path, ReadMethod::default()) {
+            read_all(source.as_ref());
         }
+        for step in 1..format.steps(path).unwrap_or(0).min(MOST_STEPS) {
+            if let Ok(source) = format.open_step(path, step, ReadMethod::default()) {
+                read_all(source.as_ref());
+            }
+        }
+    }
+}
+
+/// Reads all of a source.
+fn read_all(source: &dyn Source) {
+    let summary = summarize_source(source);
+    let loaded = load_source(source, &LoadOptions::default(), &());
+    if let (Ok(summary), Ok(loaded)) = (summary, loaded) {
+        let skipped: u64 = loaded.skipped.iter().map(|skipped| skipped.count).sum();
+        assert_eq!(loaded.len() as u64 + skipped, summary.particles);
+    }
+}
+
+/// Files of a folder that is a source.
+const FOLDERS: [[&str; 2]; 4] = [
+    ["part_0", "part_1"],
+    ["snapshot.0", "snapshot.1"],
+    ["snapshot.0.hdf5", "snapshot.1.hdf5"],
+    ["properties", "dataset/Norder=0/Dir=0/Npix=4.parquet"],
+];
+
+/// Opens `bytes` as a folder of two files, told by their content, and reads all of it: a table or a snapshot in several files, or a HATS catalogue. The
+/// first byte says which, and the next two how long the first file is.
+pub fn folders(bytes: &[u8]) {
+    let (Some((&[which, low, high], rest)), Ok(folder)) = (bytes.split_first_chunk::<3>(), tempfile::tempdir()) else {
+        return;
+    };
+    let (first, second) = rest.split_at(usize::from(u16::from_le_bytes([low, high])).min(rest.len()));
+    for (name, bytes) in FOLDERS[usize::from(which) % FOLDERS.len()].into_iter().zip([first, second]) {
+        let path = folder.path().join(name);
+        let folder_of = path.parent().unwrap_or(folder.path());
+        if std::fs::create_dir_all(folder_of).and_then(|()| std::fs::write(&path, bytes)).is_err() {
+            return;
+        }
+    }
+    if let Ok(source) = open(folder.path()) {
+        read_all(source.as_ref());
     }
 }
 
 /// Reads `bytes` as a catalogue of objects: a table, RON, groups, or haloes of whatever finder they claim to be of.
 pub fn catalogue(bytes: &[u8]) {
     let Some(file) = file(bytes) else { return };
-    if let Ok(catalogue) = Catalogue::read(file.path()) {
+    if let Ok(catalogue) = Catalogue::read_whole(file.path(), None, 64 << 20) {
         assert!(catalogue.objects.iter().all(|object| object.position.is_finite()));
+        let objects = catalogue.objects.len();
+        assert!(catalogue.properties.iter().all(|property| property.values.len() == objects));
     }
 }
 

@@ -8,7 +8,8 @@
     python3 python/wheel.py --profile dev        # of the library that belongs to `cargo test-all`, and of what that has compiled
 
 One wheel does for every CPython from 3.11 on: it has the stable interface alone. On Linux its name says which glibc it needs, by the newest
-symbols that the library and the program ask for; built on an old distribution, or with `--glibc`, it runs on more. The licences of all that is linked into them are in it.
+symbols that the library and the program ask for; built on an old distribution, or with `--glibc`, it runs on more. On macOS it says which
+version and processor they are compiled for (`MACOSX_DEPLOYMENT_TARGET`). The licences of all that is linked into them are in it.
 """
 
 import argparse
@@ -20,6 +21,7 @@ import pathlib
 import platform
 import re
 import stat
+import struct
 import subprocess
 import sys
 import sysconfig
@@ -29,6 +31,10 @@ HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent
 # Archives of the same files are the same.
 DATE = (1980, 1, 1, 0, 0, 0)
+# What files of macOS for one processor begin with, their processors by number, and where the load commands that name the oldest macOS have it.
+MACH_O = 0xFEEDFACF
+PROCESSORS = {0x01000007: "x86_64", 0x0100000C: "arm64"}
+OLDEST_AT = {0x32: 12, 0x24: 8}
 
 
 # In the root, so that cargo reads .cargo/config.toml, which has the library not linked with an interpreter's.
@@ -86,6 +92,8 @@ def described():
 
 def platform_tag(*binaries):
     """The platforms that libraries and programs run on (PEP 600)."""
+    if sys.platform == "darwin":
+        return macos_tag(*filter(None, binaries))
     if sys.platform != "linux":
         return re.sub(r"[-.]", "_", sysconfig.get_platform())
     if any(re.search(rb"libpython3[.\w]*\.so", binary) for binary in binaries):
@@ -93,6 +101,29 @@ def platform_tag(*binaries):
     needed = [int(minor) for binary in binaries for minor in re.findall(rb"GLIBC_2\.(\d+)", binary)]
     machine = platform.machine()
     return f"manylinux_2_{max(needed)}_{machine}" if needed else f"linux_{machine}"
+
+
+def macos_tag(*binaries):
+    """The macOS and the processor that all of them are compiled for, as they say themselves: the interpreter may be for others as well."""
+    oldest, processors = [], set()
+    for binary in binaries:
+        magic, processor, _, _, commands = struct.unpack_from("<5I", binary)
+        if magic != MACH_O or processor not in PROCESSORS:
+            sys.exit(f"wheel.py: found a file for other processors, expected Mach-O for one of {', '.join(PROCESSORS.values())}")
+        processors.add(PROCESSORS[processor])
+        at = 32
+        for _ in range(commands):
+            command, size = struct.unpack_from("<2I", binary, at)
+            if command in OLDEST_AT:
+                (version,) = struct.unpack_from("<I", binary, at + OLDEST_AT[command])
+                oldest.append((version >> 16, version >> 8 & 0xFF))
+            at += size
+    if len(processors) != 1 or not oldest:
+        sys.exit(f"wheel.py: found processors {sorted(processors)} and versions {oldest}, expected one processor and a version")
+    major, minor = max(oldest)
+    # From 11 on pip knows no minor versions: what one needs that is not 0 the next major version has.
+    major, minor = (major, minor) if major < 11 else (major + (minor > 0), 0)
+    return f"macosx_{major}_{minor}_{processors.pop()}"
 
 
 def notices(*packages):

@@ -30,6 +30,7 @@ __all__ = [
     "Tour",
     "TransferFunction",
     "build",
+    "catalogue",
     "color_map",
     "color_maps",
     "modes",
@@ -87,6 +88,13 @@ class PhaseDiagram:
 class Table:
     units: dict[str, str]
     about: dict[str, Any]
+    def __init__(
+        self,
+        columns: Mapping[str, ArrayLike],
+        units: Mapping[str, str] | None = None,
+        words: Mapping[str, Sequence[str]] | None = None,
+        about: Mapping[str, Any] | None = None,
+    ) -> None: ...
     @property
     def columns(self) -> list[str]: ...
     def keys(self) -> KeysView[str]: ...
@@ -128,6 +136,13 @@ class TransferFunction(_Text):
 
 class Scene(_Text):
     def __init__(self, data: Data | _Path | Iterable[_Path] | None = None, **fields: Any) -> None: ...
+    def open(self, progress: _Progress | None = None, *, threads: int | None = None, memory: int | str | None = None) -> Data: ...
+    def render(
+        self,
+        camera: Camera | Mapping[str, Any] | None = None,
+        size: tuple[int, int] | None = None,
+        **settings: Any,
+    ) -> Picture: ...
 
 class Tour(_Text):
     def __init__(self, **fields: Any) -> None: ...
@@ -218,6 +233,7 @@ class Data:
     modes: list[str]
     attributes: list[str]
     families: dict[str, Family]
+    scene: Scene | None
     def render(
         self,
         camera: Camera | Mapping[str, Any] | None = None,
@@ -228,9 +244,22 @@ class Data:
         error_px: float | None = None,
         *,
         family: str | None = None,
-        transfer: TransferFunction | _Path | None = None,
+        families: str | Iterable[str] | None = None,
+        transfer: TransferFunction | Mapping[str, Any] | _Path | None = None,
+        color_map: str | Sequence[tuple[float, str]] | None = None,
+        color_scale: Literal["log", "linear"] | None = None,
         background: str | None = None,
         time: float | str | None = None,
+        interpolation: str | None = None,
+        annotations: bool | Mapping[str, Any] | None = None,
+        cut: Mapping[str, Any] | None = None,
+        selections: Sequence[Mapping[str, Any]] | None = None,
+        paths: Mapping[str, Any] | None = None,
+        projection: str | Mapping[str, Any] | None = None,
+        stereo: Mapping[str, Any] | None = None,
+        catalogue: _Path | None = None,
+        exposure: str | Mapping[str, Any] | None = None,
+        bloom: Mapping[str, Any] | None = None,
         memory: int | str | None = None,
         threads: int | None = None,
         config: _Path | None = None,
@@ -258,6 +287,8 @@ class Data:
         where: _Where | None = None,
         families: str | Iterable[str] | None = None,
         *,
+        at: str | None = None,
+        radius: float | None = None,
         fields: str | Iterable[str] | None = None,
         shells: int | None = None,
         shell_field: str | None = None,
@@ -276,6 +307,8 @@ class Data:
         families: str | Iterable[str] | None = None,
         fields: str | Iterable[str] | None = None,
         *,
+        at: str | None = None,
+        radius: float | None = None,
         exact: bool = False,
         wrap: bool = True,
         time: float | str | None = None,
@@ -283,6 +316,24 @@ class Data:
         threads: int | None = None,
         progress: _Progress | None = None,
     ) -> Table: ...
+    def export(
+        self,
+        path: _Path,
+        sphere: Sequence[float] | None = None,
+        box: Sequence[float] | None = None,
+        ids: ArrayLike | None = None,
+        where: _Where | None = None,
+        families: str | Iterable[str] | None = None,
+        *,
+        at: str | None = None,
+        radius: float | None = None,
+        frame: Literal["comoving", "physical"] | None = None,
+        exact: bool = False,
+        wrap: bool = True,
+        time: float | str | None = None,
+        threads: int | None = None,
+        progress: _Progress | None = None,
+    ) -> int: ...
     def tracks(
         self,
         sphere: Sequence[float] | None = None,
@@ -292,6 +343,8 @@ class Data:
         families: str | Iterable[str] | None = None,
         fields: str | Iterable[str] | None = None,
         *,
+        at: str | None = None,
+        radius: float | None = None,
         start: float | str | None = None,
         end: float | str | None = None,
         memory: int | str | None = None,
@@ -306,6 +359,8 @@ class Data:
         range: Sequence[float] | None = None,
         log: bool | None = None,
         *,
+        at: str | None = None,
+        radius: float | None = None,
         sphere: Sequence[float] | None = None,
         box: Sequence[float] | None = None,
         where: _Where | None = None,
@@ -326,6 +381,8 @@ class Data:
         ranges: Sequence[Sequence[float] | None] = (None, None),
         log: bool | tuple[bool | None, bool | None] | None = None,
         *,
+        at: str | None = None,
+        radius: float | None = None,
         sphere: Sequence[float] | None = None,
         box: Sequence[float] | None = None,
         where: _Where | None = None,
@@ -339,11 +396,13 @@ class Data:
     ) -> PhaseDiagram: ...
     def profile(
         self,
-        sphere: Sequence[float],
+        sphere: Sequence[float] | None = None,
         shells: int = 50,
         fields: str | Iterable[str] = (),
         log: bool = True,
         *,
+        at: str | None = None,
+        radius: float | None = None,
         box: Sequence[float] | None = None,
         where: _Where | None = None,
         families: str | Iterable[str] | None = None,
@@ -378,11 +437,34 @@ class Data:
         progress: _Progress | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
 
+def catalogue(
+    path: _Path,
+    fields: str | Iterable[str] | None = None,
+    *,
+    time: float | str | None = None,
+    memory: int | str | None = None,
+    progress: _Progress | None = None,
+) -> Table: ...
 def color_map(name: str, count: int = 256) -> NDArray[np.float32]: ...
 def color_maps() -> dict[str, str]: ...
 def modes() -> list[str]: ...
 def transfer_functions() -> list[str]: ...
-def open(path: _Path | Iterable[_Path], progress: _Progress | None = None, *, threads: int | None = None) -> Data: ...
+def open(
+    path: _Path | Mapping[str, Any] | Iterable[_Path | Mapping[str, Any]],
+    progress: _Progress | None = None,
+    *,
+    kind: Literal["heights", "image", "particles"] | None = None,
+    nodata: float | None = None,
+    spacing: Sequence[float] | None = None,
+    xy_unit: str | None = None,
+    height_unit: str | None = None,
+    texture: _Path | None = None,
+    texture_at: Sequence[float] | None = None,
+    before: _Path | None = None,
+    derive: str | Iterable[str] | None = None,
+    threads: int | None = None,
+    memory: int | str | None = None,
+) -> Data: ...
 def build(
     source: _Path | Iterable[_Path] | Mapping[str, ArrayLike] | Mapping[str, Mapping[str, ArrayLike]] | Any,
     out: _Path,
@@ -395,6 +477,21 @@ def build(
     hierarchy: str | Iterable[str] | None = None,
     smoothing: str | None = None,
     height_error: float | None = None,
+    kind: Literal["heights", "image", "particles"] | None = None,
+    nodata: float | None = None,
+    spacing: Sequence[float] | None = None,
+    xy_unit: str | None = None,
+    height_unit: str | None = None,
+    texture: _Path | None = None,
+    texture_at: Sequence[float] | None = None,
+    shape: Sequence[int] | None = None,
+    type: str | None = None,
+    big_endian: bool = False,
+    channels: int = 1,
+    skip: int = 0,
+    times: str | Iterable[float] | None = None,
+    every: int | None = None,
+    skip_damaged: bool = False,
     threads: int | None = None,
     units: Mapping[str, str] | None = None,
     family: str = "gas",

@@ -34,18 +34,21 @@ def text(asked):
     return _json("", {name: value for name, value in asked.items() if value is not None})
 
 
-def names(several):
-    """Names with commas between them, of a text of them or of an iterable."""
-    if several is None or isinstance(several, str):
-        return several
-    return ",".join(str(name) for name in several)
+def names(field, several):
+    """Names with commas between them, of a text of them or of an iterable; None is not asked."""
+    return several if several is None or isinstance(several, str) else ",".join(listed(field, several))
 
 
-def listed(several):
-    """Names, of a text of one or of several with commas between them, or of an iterable; None is not asked."""
+def listed(field, several):
+    """Names that a field is asked for, of a text of one or of several with commas between them, or of an iterable; None is not asked."""
+    if several is None:
+        return None
     if isinstance(several, str):
         return [name.strip() for name in several.split(",")]
-    return None if several is None else [str(name) for name in several]
+    try:
+        return [str(name) for name in several]
+    except TypeError:
+        raise Error(f"{field}: found {several!r:.60}, expected a name, or a list of names") from None
 
 
 def memory(amount):
@@ -73,6 +76,14 @@ def whole(name, count, most, least=1):
     if count is not None and (isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not least <= count <= most):
         raise Error(f"{name}: found {count!r}, expected a whole number from {least} to {most}")
     return None if count is None else int(count)
+
+
+def count(name, value):
+    """A whole number from 0 on, of whatever type."""
+    is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+    if not is_number or not 0 <= value < np.inf or int(value) != value:
+        raise Error(f"{name}: found {value!r}, expected a whole number from 0 on")
+    return int(value)
 
 
 def number(name, value, least=-math.inf):

@@ -12,7 +12,7 @@ import threading
 import time
 import uuid
 
-from . import _deepfield, asked, building, dataset, notes, others, progress as progresses
+from . import _deepfield, asked, building, files, notes, opening, others, progress as progresses
 
 __all__ = ["build", "cancel", "plan", "run", "status"]
 
@@ -89,7 +89,7 @@ def build(
             raise
     _deepfield.cluster_remove(job)
     notes.tell(dict.fromkeys(runner.told))
-    return dataset.open(out)
+    return opening.open(out)
 
 
 def plan(
@@ -129,29 +129,34 @@ def run(job, stage, task, *, memory=None, threads=None):
     """Runs a task, counted from 0, of a stage of the job in a folder, as ``deepfield stage`` does; one that is done returns at once. ``memory`` is
     what it may take, in bytes or as "2GiB" [half of what is free], ``threads`` how many work at it [all]."""
     task = asked.whole("task", task, _LAST_TASK, least=0)
-    told = _deepfield.cluster_run(os.path.abspath(job), stage, task, asked.memory(memory), asked.threads(threads), None)
+    told = _deepfield.cluster_run(_whole(job), stage, task, asked.memory(memory), asked.threads(threads), None)
     notes.tell(dict.fromkeys(told))
 
 
 def cancel(job):
     """Removes the job in a folder, finished or not, as ``deepfield build --cancel`` does. The file that it has built stays."""
-    _deepfield.cluster_remove(os.path.abspath(job))
+    _deepfield.cluster_remove(_whole(job))
 
 
 def status(job):
     """How far the job in a folder has come, as ``deepfield build --status`` tells it: ``finished``, ``stages`` with their ``tasks`` and those ``done``,
     ``bytes`` that were ``read``, ``shuffled`` and ``written``, and the rest of what docs/cluster.md lists."""
-    return json.loads(_deepfield.cluster_status(os.path.abspath(job)))
+    return json.loads(_deepfield.cluster_status(_whole(job)))
 
 
 def _asked(sources, out, job, wanted, tasks):
     """What a job is planned from, as the native part takes it: its folder, the sources, the output, what that holds, and the number of tasks."""
     if isinstance(sources, collections.abc.Mapping) or others.package_of(sources):
         raise _deepfield.Error("sources: found arrays, expected files, which workers can read")
-    out = os.path.abspath(out)
-    job = os.path.abspath(f"{out}.job" if job is None else job)
-    sources = [_absolute(path) for path in dataset.paths_of(sources)]
+    out = _whole(out)
+    job = _whole(f"{out}.job" if job is None else job)
+    sources = [_absolute(path) for path in opening.paths_of(sources)]
     return job, sources, out, asked.text(wanted), asked.whole("tasks", tasks, _MOST_TASKS)
+
+
+def _whole(path):
+    """A path that a user names, from the root on."""
+    return os.path.abspath(files.expanded(path))
 
 
 def _absolute(path):

@@ -10,6 +10,9 @@ from ._deepfield import Error
 # How packages name what has no unit.
 _NO_UNITS = {"", "1", "1.0", "dimensionless", "None", "NoUnit()", "(dimensionless)"}
 
+# Kinds of types whose values are numbers.
+_NUMBERS = "biuf"
+
 
 def unit_of(value):
     """The unit that an array says of itself: `units` of unyt and pynbody, `unit` of astropy. Empty where it says none."""
@@ -29,16 +32,22 @@ def floats(name, value):
         # The native part counts steps in values.
         is_readable = array.flags.aligned and not any(step % array.itemsize for step in array.strides)
         return array if is_readable else array.copy()
-    if array.dtype.kind not in "biuf":
+    if array.dtype.kind not in _NUMBERS:
         raise Error(f"{name}: found an array of {array.dtype}, expected numbers")
     wide = np.float32 if array.dtype.kind == "f" and array.dtype.itemsize <= 4 else np.float64
     return array.astype(wide)
 
 
-def of_structured(source):
-    """The columns of a structured array as a mapping; whatever else as it is."""
+def of_structured(family, source, told):
+    """The columns of a structured array as a mapping; whatever else as it is. A table has columns that nobody has chosen: those of texts and
+    other values that are no numbers are left out, which is ``told``."""
     names = source.dtype.names if isinstance(source, np.ndarray) else None
-    return {name: source[name] for name in names} if names else source
+    if not names:
+        return source
+    kinds = {name: source.dtype[name].base for name in names}
+    others = [name for name, kind in kinds.items() if kind.names is None and kind.kind not in _NUMBERS]
+    told += [f"{family}: {name}: left out: found an array of {kinds[name]}, expected numbers" for name in others]
+    return {name: source[name] for name in names if name not in others}
 
 
 def files_of(families):

@@ -8,6 +8,11 @@ import threading
 from ._deepfield import Error
 
 
+def expanded(path):
+    """A path that a user names, as a text: ``~`` at its beginning is the folder of whom it says, as to a shell."""
+    return os.path.expanduser(os.fspath(path))
+
+
 def whole_path(path, folder=""):
     """A path, which is from a folder [the current one] where it is relative, from the root on; a URL as it is."""
     path = os.fspath(path)
@@ -22,7 +27,7 @@ def folder_of(path):
 
 def read(path):
     """The text of a file."""
-    path = os.fspath(path)
+    path = expanded(path)
     try:
         with open(path, encoding="utf-8") as file:
             return file.read()
@@ -34,7 +39,7 @@ def read(path):
 
 def write(path, text):
     """Writes a text in RON, over nothing but such a text: what else is there may be what pictures are of."""
-    path = os.fspath(path)
+    path = expanded(path)
     if os.path.isfile(path) and not _is_ron(path):
         raise Error(f"{path}: cannot be written: found a file that is no text in RON, expected another name")
     with written(path) as file:

@@ -50,13 +50,14 @@ class _Text:
     @classmethod
     def read(cls, path):
         """Reads a file."""
-        path = os.fspath(path)
+        path = files.expanded(path)
         made = cls.from_ron(files.read(path), path)
         made.path = files.whole_path(path)
         return made
 
     def write(self, path):
         """Writes a file, over none but one in RON. What it names by paths from the folder that it was read from is found from others, too."""
+        path = files.expanded(path)
         moved = self.path is not None and files.folder_of(path) != files.folder_of(self.path)
         files.write(path, self._found_from_anywhere().to_ron() if moved else self._ron)
 
@@ -124,18 +125,21 @@ class TransferFunction(_Text):
     @classmethod
     def named(cls, name):
         """A preset by its name, one of :func:`transfer_functions`."""
-        return cls.from_ron(_deepfield.transfer_function(os.fspath(name)), os.fspath(name))
+        name = files.expanded(name)
+        return cls.from_ron(_deepfield.transfer_function(name), name)
 
 
 class Scene(_Text):
     """What a picture shows: a scene file, as the window saves it with Ctrl+S.
 
     ``Scene(data, camera=camera, mode="points", settings={"radius": 3.0}, size=(800, 600))`` is of open data or of paths. A time is a number or
-    "step:12", "z:1.5", "a:0.4", "last". ``data.render(scene=scene)`` draws it.
+    "step:12", "z:1.5", "a:0.4", "last". ``data.render(scene=scene)`` draws it of open data, :meth:`render` of its own.
 
     >>> scene = deepfield.Scene(data, mode="points", settings={"radius": 3.0}, size=(60, 40))
     >>> data.render(scene=scene).size, scene.replace(mode="column-density", settings={}).mode
     ((60, 40), 'column-density')
+    >>> scene.replace(datasets=[{"path": data.paths[0], "offset": (1, 0, 0)}]).open().bounds.round(1).tolist()
+    [[1.0, 0.0, 0.0], [2.0, 1.0, 1.0]]
     """
 
     _kind = "scene"
@@ -143,8 +147,23 @@ class Scene(_Text):
     def __init__(self, data=None, **fields):
         if data is not None:
             paths = getattr(data, "paths", None) or ([data] if isinstance(data, (str, os.PathLike)) else data)
-            fields["datasets"] = [{"path": files.whole_path(path)} for path in paths]
+            said = getattr(data, "_said", None) or [{} for _ in paths]
+            fields["datasets"] = [{**one, "path": files.whole_path(files.expanded(path))} for path, one in zip(paths, said)]
         super().__init__(**fields)
+
+    def open(self, progress=None, *, threads=None, memory=None):
+        """Opens its data, as it says: arguments are those of :func:`deepfield.open`."""
+        from .opening import opened
+
+        return opened(self, None, progress, asked.threads(threads), asked.memory(memory))
+
+    def render(self, camera=None, size=None, **settings):
+        """The picture of its own data, which is opened for it; ``settings`` are those of :meth:`deepfield.Data.render`.
+
+        >>> deepfield.Scene("box.df", mode="points", size=(60, 40)).render(radius=2.0).size
+        (60, 40)
+        """
+        return self.open(settings.get("progress")).render(camera, size, **settings)
 
     @staticmethod
     def _said(fields):
@@ -194,6 +213,10 @@ class Tour(_Text):
         """Draws its frames as PNG files into the folder ``out``, as ``deepfield tour --record`` does, and gives their paths.
 
         ``size`` is width and height, ``fps`` frames a second, ``start`` and ``end`` seconds, ``pattern`` the frames' names [frame-%05d].
+
+        >>> frames = deepfield.Tour.around(seconds=2.0).render(data, "frames", size=(24, 16), fps=2, end=1.2)
+        >>> len(frames), frames[0][-15:]
+        (3, 'frame-00000.png')
         """
         wanted = self._asked(
             size=None if size is None else asked.size(size),
@@ -206,12 +229,17 @@ class Tour(_Text):
             threads=asked.threads(threads),
         )
         with progresses.teller(progress) as tell:
-            paths, told = data._native.record(wanted, os.fspath(out), tell)
+            paths, told = data._native.record(wanted, files.expanded(out), tell)
         notes.tell(told)
         return [os.fspath(path) for path in paths]
 
     def scene(self, data, time, size=None, progress=None):
-        """The scene that it shows at a time, seconds from its beginning, in a picture of that size [the tour's]."""
+        """The scene that it shows at a time, seconds from its beginning, in a picture of that size [the tour's].
+
+        >>> scene = deepfield.Tour.around(seconds=2.0).scene(data, 0.5, size=(24, 16))
+        >>> data.render(scene=scene).size
+        (24, 16)
+        """
         wanted = self._asked(size=None if size is None else asked.size(size))
         with progresses.teller(progress) as tell:
             text, told = data._native.scene(wanted, float(time), tell)

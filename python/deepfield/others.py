@@ -13,7 +13,7 @@ _PACKAGES = ("pynbody", "yt", "swiftsimio")
 _FAMILIES = {
     "dm": "dark", "star": "stars", "bh": "black-holes", "dark-matter": "dark", "darkmatter": "dark",
     "parttype0": "gas", "parttype1": "dark", "parttype2": "type2", "parttype3": "type3", "parttype4": "stars",
-    "parttype5": "black-holes",
+    "parttype5": "black-holes", "halo": "dark", "disk": "type2", "bulge": "type3", "bndry": "black-holes",
 }  # fmt: skip
 
 # Attributes that are kept where none is named, with the names that they may have.
@@ -102,7 +102,7 @@ def _unit(array):
     """The unit of an array, with powers as ``a^2`` and the scale factor before what it scales."""
     unit = getattr(array, "units", None)
     text = "" if unit is None else re.sub(r"\bMsol\b", "Msun", _written_out(unit))
-    if text in ("", "1", "1.00e+00", "dimensionless", "NoUnit()"):
+    if text in ("", "1", "1.00e+00", "dimensionless", "code_metallicity", "NoUnit()"):
         return ""
     if " " in text or "**" in text and "/" not in text.replace("**", ""):
         text = _in_line(text)
@@ -124,7 +124,8 @@ def _in_line(text):
     for part in re.sub(r"\b(\d+)\.0*e\+", r"\1e", text).split():
         base, _, power = part.partition("**")
         is_below = power.startswith("-")
-        power = power.removeprefix("-")
+        # `a^1/2 km` would be a number of kilometres, 2, that something is divided by.
+        power = re.sub(r"^(\d+)/(\d+)$", lambda found: f"{int(found[1]) / int(found[2]):g}", power.removeprefix("-"))
         (below if is_below else above).append(base if power in ("", "1") else f"{base}^{power}")
     above.sort(key=lambda part: part.partition("^")[0] != "a")
     return "/".join([" ".join(above) or "1", *below])

@@ -2,7 +2,6 @@
 
 import functools
 import json
-import os
 
 import numpy as np
 
@@ -75,8 +74,16 @@ class Picture:
         return self._native.png()
 
     def save(self, path):
-        """Writes a file: its colours as .png, its channels as .npz; over none that it is a picture of."""
-        path = os.fspath(path)
+        """Writes a file: its colours as .png, its channels as .npz; over none that it is a picture of.
+
+        >>> picture = data.render(size=(60, 40), mode="column-density")
+        >>> picture.save("box.png")
+        >>> picture.save("box.npz")
+        >>> with np.load("box.npz") as channels:
+        ...     channels["P"].shape
+        (40, 60)
+        """
+        path = files.expanded(path)
         files.refuse(path, self._sources)
         if path.lower().endswith(".png"):
             self._native.write_png(path)

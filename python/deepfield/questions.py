@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from . import asked
+from . import asked, files
 from ._deepfield import Error
 from .table import Table
 
@@ -34,15 +34,21 @@ def _end(name, value, open_end):
     return number
 
 
-def of(sphere=None, box=None, where=None, families=None, exact=False, wrap=True, time=None):
+def of(sphere=None, box=None, where=None, families=None, exact=False, wrap=True, time=None, at=None, radius=None):
     """The question that the native part reads."""
     shapes = []
     if sphere is not None:
-        x, y, z, radius = numbers("sphere", sphere, "x, y, z, radius")
-        shapes.append({"Sphere": {"center": [x, y, z], "radius": radius}})
+        *center, reach = numbers("sphere", sphere, "x, y, z, radius")
+        shapes.append({"Sphere": {"center": center, "radius": reach}})
     if box is not None:
         corners = numbers("box", box, "x0, y0, z0, x1, y1, z1")
         shapes.append({"Box": {"min": corners[:3], "max": corners[3:]}})
+    if at is not None and not isinstance(at, str):
+        raise Error(f"at: found {at!r:.60}, expected CATALOGUE#N such as groups.hdf5#0")
+    if at is not None and sphere is not None:
+        raise Error("at: found a sphere, too, expected one of them")
+    if at is None and radius is not None:
+        raise Error("radius: found no object, expected one that at names")
     ranges = []
     if not isinstance(where, (Mapping, type(None))):
         raise Error(f"where: found {type(where).__name__}, expected a mapping of fields to least and largest value")
@@ -51,7 +57,9 @@ def of(sphere=None, box=None, where=None, families=None, exact=False, wrap=True,
             raise Error(f"where: {name}: found {ends!r}, expected least and largest value, or None")
         ranges.append({"field": name, "min": _end(name, ends[0], -np.inf), "max": _end(name, ends[1], np.inf)})
     return {
-        "region": {"shapes": shapes, "ranges": ranges, "families": asked.listed(families) or []},
+        "region": {"shapes": shapes, "ranges": ranges, "families": asked.listed("families", families) or []},
+        "at": None if at is None else files.expanded(at),
+        "radius": asked.number("radius", radius, 0),
         "exact": bool(exact),
         "no_wrap": not wrap,
         "time": None if time is None else str(time),

@@ -73,7 +73,12 @@ class Table:
         raise TypeError("a table is no array: its columns are, table[name], and table.to_pandas() is a data frame")
 
     def to_pandas(self):
-        """A ``pandas.DataFrame``; units are in its ``attrs``."""
+        """A ``pandas.DataFrame``; units are in its ``attrs``.
+
+        >>> frame = deepfield.Table({"x": np.arange(3.0)}, {"x": "kpc"}).to_pandas()
+        >>> frame["x"].tolist(), frame.attrs["units"]
+        ([0.0, 1.0, 2.0], {'x': 'kpc'})
+        """
         import pandas  # type: ignore
 
         def column(name):
@@ -89,6 +94,8 @@ class Table:
         column = np.ascontiguousarray(self._columns[name])
         if name in self._words:
             return column, self._words[name]
+        if column.dtype.kind == "U" or (column.dtype.kind == "O" and all(isinstance(text, str) for text in column)):
+            return column.tolist()
         if column.dtype.type in _ARROW_TYPES and column.dtype.isnative:
             return column
         if column.dtype.kind in "biu":

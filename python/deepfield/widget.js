@@ -54,6 +54,7 @@ function render({ model, el }) {
   const row = made("div", { className: "row" });
   if (about.modes.length) row.append(choice("mode", "mode", about.modes));
   if (about.attributes.length) row.append(choice("colour", "attribute", about.attributes));
+  row.append(choice("colour map", "color_map", about.color_maps), choice("scale", "color_scale", ["log", "linear"]));
   row.append(made("button", { textContent: "home", onclick: () => send({ do: "home" }) }));
   if (about.times.length > 1) {
     const [first, last] = [about.times[0], about.times[about.times.length - 1]];

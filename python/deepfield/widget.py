@@ -9,6 +9,7 @@ import time as clock
 from . import asked as asking
 from ._deepfield import Error
 from .camera import Camera
+from .colors import color_maps
 from .orbit import Orbit
 
 
@@ -58,6 +59,8 @@ class _Look:
 
     mode: str | None
     attribute: str | None
+    color_map: str | None
+    color_scale: str | None
     time: float | str | None
 
 
@@ -70,10 +73,24 @@ class Viewer:
     """
 
     def __init__(
-        self, data, send, *, mode=None, attribute=None, size=(720, 480), camera=None, time=None, error_px=0.8, budget=0.1, rest=0.25, **asked
+        self,
+        data,
+        send,
+        *,
+        mode=None,
+        attribute=None,
+        color_map=None,
+        color_scale=None,
+        size=(720, 480),
+        camera=None,
+        time=None,
+        error_px=0.8,
+        budget=0.1,
+        rest=0.25,
+        **asked,
     ):
         self._data, self._send = data, send
-        self._look = _Look(mode, attribute, time)
+        self._look = _Look(mode, attribute, color_map, color_scale, time)
         self._asked = asked
         self.size = tuple(asking.size(size))
         if min(self.size) < 1:
@@ -108,6 +125,10 @@ class Viewer:
             "attributes": data.attributes,
             "mode": self._look.mode,
             "attribute": self._look.attribute,
+            "color_maps": list(color_maps()),
+            # Colours of one's own have no name.
+            "color_map": self._look.color_map if isinstance(self._look.color_map, str) else None,
+            "color_scale": self._look.color_scale,
             "times": [] if data.steps is None else [float(time) for time in data.steps],
             "time": self._look.time if isinstance(self._look.time, (int, float)) else None,
             "flat": data.kind == "image",
@@ -173,7 +194,7 @@ class Viewer:
         self._move(lambda orbit: orbit.zoom(factor, x, y))
 
     def _choose(self, message):
-        known = {"mode": str, "attribute": str, "time": (int, float, str)}
+        known = {"mode": str, "attribute": str, "color_map": str, "color_scale": str, "time": (int, float, str)}
         for name, kind in known.items():
             if name in message:
                 value = message[name]
@@ -248,6 +269,8 @@ class Viewer:
             size,
             look.mode,
             look.attribute,
+            color_map=look.color_map,
+            color_scale=look.color_scale,
             error_px=error_px,
             time=look.time,
             progress=go_on,

@@ -1,8 +1,10 @@
 //! NumPy's arrays as a source of particles, read in place, chunk by chunk.
 
 use crate::error::Failure;
+use deepfield_draw::codec::quantize::MAX_ATTRIBUTES;
 use deepfield_draw::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
 use deepfield_draw::model::{FamilyName, Unit};
+use deepfield_draw::store::FamilyMetadata;
 use numpy::ndarray::{Axis, Slice};
 use numpy::{Element, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -171,20 +173,41 @@ impl ArraySource {
 
     /// Every attribute that there is: scalars, components of vectors, and the speed.
     pub fn attributes(&self) -> Vec<String> {
-        let mut names: Vec<String> = Vec::new();
-        for field in self.description.families.iter().flat_map(|info| &info.fields) {
-            let own = match (field.kind, field.components) {
-                (FieldKind::Velocity, _) => vec!["speed".to_owned()],
-                (FieldKind::Other, 1) => vec![field.name.clone()],
-                (FieldKind::Other, 3) => ["x", "y", "z"].map(|axis| format!("{}-{axis}", field.name)).to_vec(),
-                _ => Vec::new(),
-            };
-            names.extend(own);
-        }
-        let mut known = std::collections::HashSet::new();
-        names.retain(|name| known.insert(name.clone()));
-        names
+        attributes_of(&self.description.families)
     }
+
+    /// What there is to tell of attributes that families of a file lack, which was built of as many of them as it has places for.
+    pub fn left_out(&self, built: &[FamilyMetadata]) -> Vec<String> {
+        let note = |family: &FamilyMetadata| {
+            let info = self.description.families.iter().find(|info| info.name == family.name)?;
+            let mut names = attributes_of(std::slice::from_ref(info));
+            names.retain(|name| family.attributes.iter().all(|kept| kept.name != *name));
+            let names = (!names.is_empty()).then(|| names.join(", "))?;
+            Some(format!(
+                "{}: {names}: left out: found too many attributes, expected at most {MAX_ATTRIBUTES} with those that are derived; \
+                 attributes= names others",
+                family.name
+            ))
+        };
+        built.iter().filter_map(note).collect()
+    }
+}
+
+/// Names of the attributes of families, each once.
+fn attributes_of(families: &[FamilyInfo]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for field in families.iter().flat_map(|info| &info.fields) {
+        let own = match (field.kind, field.components) {
+            (FieldKind::Velocity, _) => vec!["speed".to_owned()],
+            (FieldKind::Other, 1) => vec![field.name.clone()],
+            (FieldKind::Other, 3) => ["x", "y", "z"].map(|axis| format!("{}-{axis}", field.name)).to_vec(),
+            _ => Vec::new(),
+        };
+        names.extend(own);
+    }
+    let mut known = std::collections::HashSet::new();
+    names.retain(|name| known.insert(name.clone()));
+    names
 }
 
 /// Lets go of the arrays at once, on whatever thread a build ends: else they would stay until Python next calls this library.

@@ -89,17 +89,17 @@ impl Column {
         if let Some(found) = numbers::<u64>(values) {
             return Ok(column(c"L", found));
         }
-        let expected = "expected a contiguous array of float32, float64, int64 or uint64, or uint16 with names";
+        if let Ok(listed) = values.extract::<Vec<String>>()
+            && let Some(found) = texts(listed.iter().map(|text| Some(text.as_str())))
+        {
+            return Ok(column(c"U", found));
+        }
+        let expected = "expected a contiguous array of float32, float64, int64 or uint64, texts, or uint16 with names";
         let (codes, names) =
             values.extract::<(Bound<'_, PyArray1<u16>>, Vec<String>)>().map_err(|_| wrong(expected))?;
         let codes = codes.try_readonly().map_err(|error| wrong(&error.to_string()))?;
-        let (mut offsets, mut bytes) = (vec![0], Vec::new());
-        for code in codes.as_array() {
-            let text = names.get(usize::from(*code)).ok_or_else(|| wrong("found a number without a name"))?;
-            bytes.extend_from_slice(text.as_bytes());
-            offsets.push(bytes.len() as i64);
-        }
-        Ok(column(c"U", (offsets.len() - 1, Values::Texts { offsets, bytes })))
+        let found = texts(codes.as_array().iter().map(|code| names.get(usize::from(*code)).map(String::as_str)));
+        Ok(column(c"U", found.ok_or_else(|| wrong("found a number without a name"))?))
     }
 
     /// What its array's buffers are: which values there are (all of them), and the values.
@@ -114,6 +114,16 @@ impl Column {
         let metadata = (!self.unit.is_empty()).then(|| metadata(&[("unit", self.unit.as_str())]));
         schema(self.format, self.name.clone(), metadata, Vec::new())
     }
+}
+
+/// How many texts there are, and all of them; `None` where one is missing.
+fn texts<'a>(texts: impl Iterator<Item = Option<&'a str>>) -> Option<(usize, Values)> {
+    let (mut offsets, mut bytes) = (vec![0], Vec::new());
+    for text in texts {
+        bytes.extend_from_slice(text?.as_bytes());
+        offsets.push(bytes.len() as i64);
+    }
+    Some((offsets.len() - 1, Values::Texts { offsets, bytes }))
 }
 
 /// An array's length and values, where it is one of such numbers in the order of memory.
@@ -271,7 +281,7 @@ unsafe extern "C" fn release_stream(given: *mut ArrowArrayStream) {
 }
 
 /// Columns of one length with their names and units as a capsule of `__arrow_c_stream__`: arrays of 32-bit and 64-bit floats and of 64-bit whole
-/// numbers, and numbers of 16 bits with the names that they stand for. Arrays are kept and not copied.
+/// numbers, lists of texts, and numbers of 16 bits with the names that they stand for. Arrays are kept and not copied.
 ///
 /// # Errors
 /// Where a column is of something else, or of another length.

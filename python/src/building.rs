@@ -7,18 +7,20 @@ use crate::work;
 use deepfield_draw::build::grid::{GridBuildOptions, build_grid};
 use deepfield_draw::build::{BuildOptions, FEW_PARTICLES, RunBuild, TrackOptions, build_opened, build_source};
 use deepfield_draw::heights::build::HeightBuildOptions;
-use deepfield_draw::heights::import::HeightOptions;
 use deepfield_draw::heights::{OpenHeights, is_heights};
 use deepfield_draw::hierarchy::{Kinds, Matter};
+use deepfield_draw::import::grid::RawGrid;
 use deepfield_draw::import::{
-    AttributeChoice, GridOptions, LoadOptions, Run, RunOptions, Smoothing, Source as _, UnpackedOnce, grid_format,
-    is_one_table, open_grid, open_run, sources_of, steps_in,
+    AttributeChoice, GridOptions, LoadOptions, Run, RunOptions, Smoothing, Source as _, Times, UnpackedOnce,
+    grid_format, is_one_table, open_grid, open_run, sources_of, steps_in,
 };
 use deepfield_draw::look::{DataKind, is_file_of};
-use deepfield_draw::model::{DerivedQuantity, FamilyName, ReadMethod, Skipped};
-use deepfield_draw::picture::asked::{State, on_threads};
+use deepfield_draw::model::{DerivedQuantity, FamilyName, ReadMethod, SampleType, Skipped, Unit};
+use deepfield_draw::picture::asked::{State, on_threads, said};
 use pyo3::prelude::*;
 use serde::Deserialize;
+use serde_json::{Map, Value};
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -42,8 +44,46 @@ pub struct Asked {
     smoothing: Option<String>,
     /// How far heights may be from the source's.
     height_error: Option<f64>,
+    /// What is said of heights, as [`said`] reads it.
+    heights: Map<String, Value>,
+    /// What a file without a header holds.
+    raw: Option<AskedRaw>,
+    /// Times of the steps of a run, as `--times` says them.
+    times: Option<String>,
+    /// Every so many-th step of a run alone.
+    every: Option<NonZeroUsize>,
+    /// Whether steps are left out whose files are damaged.
+    skip_damaged: bool,
     /// What is said of arrays.
     said: Said,
+}
+
+/// What a file without a header holds.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AskedRaw {
+    shape: Vec<u64>,
+    r#type: String,
+    #[serde(default)]
+    spacing: Vec<f64>,
+    big_endian: bool,
+    channels: u64,
+    skip: u64,
+}
+
+impl AskedRaw {
+    fn grid(&self) -> Result<RawGrid, Failure> {
+        let sample_type = self.r#type.parse::<SampleType>();
+        Ok(RawGrid {
+            shape: self.shape.clone(),
+            sample_type: sample_type.map_err(|expected| format!("type: found {:?}, {expected}", self.r#type))?,
+            spacing: self.spacing.clone(),
+            big_endian: self.big_endian,
+            channels: self.channels,
+            offset: self.skip,
+            length_unit: Unit::default(),
+        })
+    }
 }
 
 impl Asked {
@@ -91,12 +131,14 @@ impl Asked {
     /// # Errors
     /// What the importer says.
     pub fn particles(&self, sources: &[PathBuf], load: &LoadOptions, read: ReadMethod) -> Result<Particles, Failure> {
+        // What is said of steps is of a run, also of one step.
+        let is_one = self.times.is_none() && self.every.is_none();
         let sources = match sources {
             // Parts of a table are told apart by numbers, as steps are.
-            [only] if is_one_table(only)? => vec![only.clone()],
+            [only] if is_one && is_one_table(only)? => vec![only.clone()],
             names => sources_of(names)?,
         };
-        if let [only] = &sources[..]
+        if let (true, [only]) = (is_one, &sources[..])
             && steps_in(only)? == 1
         {
             return Ok(Particles::One(only.clone()));
@@ -106,10 +148,21 @@ impl Asked {
             names.retain(|name| !load.derive.iter().any(|quantity| quantity.name() == name));
             names
         });
-        let run = open_run(&sources, &RunOptions { attributes, ..RunOptions::default() }, read)?;
+        let times = self
+            .times
+            .as_deref()
+            .map(|text| text.parse::<Times>().map_err(|expected| format!("times: found {text:?}, {expected}")));
+        let options = RunOptions {
+            times: times.transpose()?,
+            every: self.every,
+            skip_damaged: self.skip_damaged,
+            attributes,
+            ..RunOptions::default()
+        };
+        let run = open_run(&sources, &options, read)?;
         Ok(match &run.steps[..] {
             // Files of one snapshot.
-            [only] => Particles::One(only.about.path.clone()),
+            [only] if is_one && !self.skip_damaged => Particles::One(only.about.path.clone()),
             _ => Particles::Many(run),
         })
     }
@@ -123,8 +176,14 @@ impl Asked {
         if self.derive.is_some() {
             return Err(format!("{source}: derive: found {found}, expected particles with velocities").into());
         }
-        if self.smoothing.is_some() {
-            return Err(format!("{source}: smoothing: found {found}, expected particles").into());
+        let of_particles = [
+            ("smoothing", self.smoothing.is_some()),
+            ("times", self.times.is_some()),
+            ("every", self.every.is_some()),
+            ("skip_damaged", self.skip_damaged),
+        ];
+        if let Some((name, _)) = of_particles.iter().find(|(_, is_said)| *is_said) {
+            return Err(format!("{source}: {name}: found {found}, expected particles").into());
         }
         match self.hierarchies()?.filter(|kinds| kinds.matter() != own) {
             Some(kinds) => Err(format!("{source}: hierarchy {kinds}: found {found}, expected particles").into()),
@@ -192,8 +251,11 @@ fn of_files(sources: &[PathBuf], out: &Path, asked: &Asked, state: &State) -> Re
     refuse_over(out, sources)?;
     // What it is, and of how many steps, is asked before it is opened.
     let _held = if let [only] = sources { Some(UnpackedOnce::of(only)) } else { None };
+    let stated = said(&asked.heights)?;
+    let raw = asked.raw.as_ref().map(AskedRaw::grid).transpose()?;
     if let [only] = sources
-        && is_heights(only)
+        && raw.is_none()
+        && stated.is_heights().unwrap_or_else(|| is_heights(only))
     {
         asked.refuse_of_particles(only, "heights", None)?;
         let options = HeightBuildOptions {
@@ -201,23 +263,31 @@ fn of_files(sources: &[PathBuf], out: &Path, asked: &Asked, state: &State) -> Re
             height_error: asked.height_error,
             ..HeightBuildOptions::default()
         };
-        let built = OpenHeights::open(only, &HeightOptions::default())?.build(&options, out, state)?;
+        let built = OpenHeights::open(only, &stated.options(ReadMethod::default()))?.build(&options, out, state)?;
         let kept = options.not_rounded(&built);
         built.notes.into_iter().chain(kept).for_each(|note| state.note(note));
         return Ok(());
     }
+    let named = || sources.first().map(|path| path.display().to_string()).unwrap_or_default();
     if asked.height_error.is_some() {
-        let named = sources.first().map(|path| path.display().to_string()).unwrap_or_default();
-        return Err(format!("{named}: height_error: found no heights, expected some").into());
+        return Err(format!("{}: height_error: found no heights, expected some", named()).into());
+    }
+    if let Some(name) = asked.heights.keys().find(|name| *name != "kind") {
+        let instead = "an array or a grey picture is taken for such by kind \"heights\"";
+        return Err(format!("{}: {name}: found no heights, expected some; {instead}", named()).into());
     }
     if let [only] = sources
-        && grid_format(only)?.is_some()
+        && (raw.is_some() || grid_format(only)?.is_some())
     {
         asked.refuse_of_particles(only, "an image or a volume", Some(Matter::Grids))?;
         let options = GridBuildOptions { memory: asked.memory, ..GridBuildOptions::default() };
-        let built = build_grid(&open_grid(only, &GridOptions::default())?, &options, out, state)?;
+        let built =
+            build_grid(&open_grid(only, &GridOptions { raw, ..GridOptions::default() })?, &options, out, state)?;
         built.notes.into_iter().for_each(|note| state.note(note));
         return Ok(());
+    }
+    if raw.is_some() {
+        return Err(format!("{}: shape: found {} files, expected one of samples", named(), sources.len()).into());
     }
     let first = sources.first().map_or(Path::new(""), PathBuf::as_path);
     let (load, options) = asked.options(first)?;
@@ -226,7 +296,8 @@ fn of_files(sources: &[PathBuf], out: &Path, asked: &Asked, state: &State) -> Re
         Particles::Many(run) => run,
     };
     let tracks = TrackOptions::default();
-    run_build(&load, &options, &tracks).build(run, out, state)?;
+    let build = RunBuild { skip_damaged: asked.skip_damaged, ..run_build(&load, &options, &tracks) };
+    build.build(run, out, state)?;
     Ok(())
 }
 
@@ -259,13 +330,19 @@ pub fn build_arrays<'py>(
     asked: &str,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<String>> {
-    let mut asked: Asked = read_asked(asked).map_err(told)?;
+    let asked: Asked = read_asked(asked).map_err(told)?;
     let source = ArraySource::new(columns, &asked.said).map_err(told)?;
-    asked.attributes.get_or_insert_with(|| source.attributes());
     let job = move |state: &Arc<State>| -> Result<(), Failure> {
-        let (load, options) = asked.options(&source.description().path)?;
+        let (mut load, options) = asked.options(&source.description().path)?;
+        let is_named = asked.attributes.is_some();
+        if !is_named {
+            load.attributes = AttributeChoice::Named(source.attributes());
+        }
         on_threads(asked.threads, || {
             let built = build_opened(&source, &load, &options, &out, &**state)?;
+            if !is_named {
+                source.left_out(&built.metadata.families).into_iter().for_each(|note| state.note(note));
+            }
             note_skipped(&built.metadata.skipped, state);
             Ok(())
         })

@@ -8,12 +8,14 @@ use etcetera::BaseStrategy;
 use std::path::{Path, PathBuf};
 
 /// The page file of particles at `path`, which is of some of these datasets: itself if it is one or a run of them, else one in the cache, built first
-/// unless it is there already.
+/// unless it is there already: in so many bytes of memory.
 ///
 /// # Errors
 /// When the source cannot be read or the page file not be written.
-pub fn page_file(members: &[Member], path: &Path, state: &State) -> Result<PathBuf, Failure> {
-    let (file, removed) = page_cache::page_file(path, &said_of_particles(members, path), folder, state)?;
+pub fn page_file(members: &[Member], path: &Path, memory: Option<u64>, state: &State) -> Result<PathBuf, Failure> {
+    let (file, removed) = page_cache::page_file(path, &said_of_particles(members, path), memory, folder, state)?;
+    // What comes next does not write, until a stage begins that may.
+    state.set_writing(false);
     removed.into_iter().for_each(|removed| state.note(removed.to_string()));
     Ok(file)
 }

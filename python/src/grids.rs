@@ -3,10 +3,9 @@
 use crate::error::Failure;
 use deepfield_draw::build::default_memory;
 use deepfield_draw::heights::OpenHeights;
-use deepfield_draw::heights::import::HeightOptions;
 use deepfield_draw::heights::model::{Heights, Window};
 use deepfield_draw::import::{GridOptions, GridSource, open_grid};
-use deepfield_draw::look::{DataKind, is_field};
+use deepfield_draw::look::{DataKind, Member, is_field};
 use deepfield_draw::model::{Channel, Grid, ReadMethod, Region};
 use deepfield_draw::picture::Reporter;
 use deepfield_draw::picture::asked::State;
@@ -130,8 +129,9 @@ impl AskedSamples {
     ///
     /// # Errors
     /// When they cannot be read, are not there, or take too much memory.
-    pub fn heights(&self, path: &Path) -> Result<(Vec<f64>, [usize; 2], Value), Failure> {
-        let open = OpenHeights::for_pictures(path, &HeightOptions::default())?.0;
+    pub fn heights(&self, member: &Member) -> Result<(Vec<f64>, [usize; 2], Value), Failure> {
+        let path = &*member.path;
+        let open = OpenHeights::for_pictures(path, &member.said.options(ReadMethod::default()))?.0;
         let grid = open.grid();
         let part = |name: &str, asked: Option<[u64; 2]>, all: u64| match asked {
             None => Ok([0, all]),

@@ -9,9 +9,11 @@ mod arrow;
 mod asked;
 mod building;
 mod cache;
+mod catalogue;
 mod cluster;
 mod dataset;
 mod error;
+mod forks;
 mod grids;
 mod picture;
 mod plots;
@@ -32,6 +34,8 @@ mod _deepfield {
     #[pymodule_export]
     use crate::building::build_files;
     #[pymodule_export]
+    use crate::catalogue::catalogue;
+    #[pymodule_export]
     use crate::cluster::cluster_plan;
     #[pymodule_export]
     use crate::cluster::cluster_remove;
@@ -45,6 +49,12 @@ mod _deepfield {
     use crate::dataset::open;
     #[pymodule_export]
     use crate::error::Error;
+    #[pymodule_export]
+    use crate::forks::after_fork_in_child;
+    #[pymodule_export]
+    use crate::forks::after_fork_in_parent;
+    #[pymodule_export]
+    use crate::forks::before_fork;
     #[pymodule_export]
     use crate::picture::Picture;
     #[pymodule_export]

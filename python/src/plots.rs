@@ -44,7 +44,7 @@ impl AskedPlot {
     pub fn answer(self, path: &Path, state: &State) -> Result<String, Failure> {
         let opened = self.of.opened("plot", path)?;
         let data = opened.data();
-        let members = self.of.members(None)?;
+        let members = self.of.members(None, data)?;
         let periodic = self.of.periodic(data)?;
         let effort = Effort::within(self.error.unwrap_or_default());
         let work = Work { progress: state, stop: state.stop() };

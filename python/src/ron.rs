@@ -3,9 +3,7 @@
 use crate::error::{Failure, told};
 use deepfield_draw::color::colormap::ColorMap;
 use deepfield_draw::color::transfer::{TransferFunction, presets};
-use deepfield_draw::look::{LookPatch, SceneFile, page_cache};
-use deepfield_draw::mode::PathsOf;
-use deepfield_draw::model::When;
+use deepfield_draw::look::{self, OfRun, SceneFile, page_cache};
 use deepfield_draw::tour::{TourFile, around_data};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
@@ -57,11 +55,11 @@ pub fn ron_of(kind: &str, said: &str) -> PyResult<String> {
     let write = || -> Result<String, Failure> {
         let mut said: Value = serde_json::from_str(said)?;
         Ok(match Kind::named(kind)? {
-            Kind::Transfer => of_json::<TransferFunction>(kind, said)?.to_ron(),
+            Kind::Transfer => of_json::<TransferFunction>(kind, &said)?.to_ron(),
             Kind::Scene => {
                 let of_run = OfRun::take(&mut said)?;
                 let of_before = said.pointer_mut("/film/from").map(OfRun::take).transpose()?;
-                let mut scene: SceneFile = of_json(kind, said)?;
+                let mut scene: SceneFile = of_json(kind, &said)?;
                 of_run.give(&mut scene.look);
                 let before = scene.film.as_mut().and_then(|film| film.from.as_mut());
                 if let Some((of_before, before)) = of_before.zip(before) {
@@ -74,7 +72,7 @@ pub fn ron_of(kind: &str, said: &str) -> PyResult<String> {
             Kind::Tour => {
                 let keyframes = said.get_mut("keyframes").and_then(Value::as_array_mut);
                 let of_runs = keyframes.into_iter().flatten().map(OfRun::take).collect::<Result<Vec<_>, _>>()?;
-                let mut tour: TourFile = of_json(kind, said)?;
+                let mut tour: TourFile = of_json(kind, &said)?;
                 let keyframes = tour.keyframes.iter_mut().zip(of_runs);
                 keyframes.for_each(|(keyframe, of_run)| of_run.give(&mut keyframe.look));
                 let text = tour.to_ron();
@@ -86,61 +84,9 @@ pub fn ron_of(kind: &str, said: &str) -> PyResult<String> {
     write().map_err(told)
 }
 
-fn of_json<T: DeserializeOwned>(kind: &str, said: Value) -> Result<T, Failure> {
-    serde_json::from_value(said).map_err(|error| format!("{kind}: {error}").into())
-}
-
-/// What is said of a run in a look: RON alone tells the forms of these apart.
-#[derive(Default)]
-struct OfRun {
-    time: Option<When>,
-    paths_of: Option<PathsOf>,
-}
-
-impl OfRun {
-    /// Takes it out of what is said.
-    fn take(said: &mut Value) -> Result<OfRun, Failure> {
-        let Some(fields) = said.as_object_mut() else { return Ok(OfRun::default()) };
-        let time = fields.remove("time").filter(|time| !time.is_null());
-        let paths = fields.get_mut("paths").and_then(Value::as_object_mut);
-        let of = paths.and_then(|paths| paths.remove("of")).filter(|of| !of.is_null());
-        Ok(OfRun { time: time.as_ref().map(when).transpose()?, paths_of: of.as_ref().map(paths_of).transpose()? })
-    }
-
-    fn give(self, look: &mut LookPatch) {
-        look.time = self.time.or(look.time);
-        if let Some(of) = self.paths_of {
-            look.paths.get_or_insert_default().of = Some(of);
-        }
-    }
-}
-
-/// A time as on the command line, or as [`json_of`] tells it: a number, or `{"step": 12}`.
-fn when(said: &Value) -> Result<When, Failure> {
-    let named = said.as_object().and_then(|fields| fields.iter().next());
-    let text = match (said, named) {
-        (Value::String(text), _) => text.clone(),
-        (_, Some((name, value))) => {
-            let name = match name.as_str() {
-                "redshift" => "z",
-                "scale_factor" => "a",
-                other => other,
-            };
-            format!("{name}:{value}")
-        }
-        (other, None) => other.to_string(),
-    };
-    Ok(text.parse::<When>().map_err(|expected| format!("time: found {text}, {expected}"))?)
-}
-
-/// Whose paths are drawn: `all`, `none`, or names of selections.
-fn paths_of(said: &Value) -> Result<PathsOf, Failure> {
-    match said {
-        Value::String(text) => {
-            Ok(text.parse::<PathsOf>().map_err(|expected| format!("paths: of: found {text:?}, {expected}"))?)
-        }
-        names => Ok(PathsOf::Selections(of_json("paths: of", names.clone())?)),
-    }
+/// What is said in JSON, in messages about a kind of text.
+fn of_json<T: DeserializeOwned>(kind: &str, said: &Value) -> Result<T, Failure> {
+    look::of_json(said).map_err(|error| format!("{kind}: {error}").into())
 }
 
 /// Names of transfer functions: built in, and of files where the program has some.

@@ -1,10 +1,13 @@
-//! Rows of particles as arrays of NumPy.
+//! Rows of particles as arrays of NumPy, and as files.
 
+use crate::building::refuse_over;
 use crate::error::Failure;
 use deepfield_draw::build::default_memory;
-use deepfield_draw::explore::{Data, Following, Members, Region, Rows, Work, rows};
+use deepfield_draw::explore::{
+    Data, Following, Format, Frame, Members, Opened, Region, Rows, Work, export, files_of_catalogue, ids_of, rows,
+};
 use deepfield_draw::look::DataKind;
-use deepfield_draw::model::{ReadMethod, When};
+use deepfield_draw::model::{Progress, ReadMethod, When};
 use deepfield_draw::picture::asked::{Question, State};
 use deepfield_draw::store::RunFile;
 use deepfield_draw::store::run::{PathsOf, RunPaths};
@@ -27,6 +30,8 @@ pub struct AskedRows {
     fields: Option<Vec<String>>,
     /// Bytes that they may take.
     memory: Option<u64>,
+    /// Of files: whether lengths, densities and velocities are physical ones, in place of those that the data has.
+    physical: bool,
     /// Of tracks: from when on, and until when.
     from: Option<String>,
     to: Option<String>,
@@ -39,11 +44,73 @@ impl AskedRows {
     /// When they cannot be read, or take too much memory.
     pub fn rows(&self, path: &Path, ids: Option<Vec<u64>>, state: &State) -> Result<Rows, Failure> {
         let needs_ids = ids.is_some() || self.fields.iter().flatten().any(|field| field == "id");
-        let members = self.of.members(ids)?;
         let opened = self.of.opened_for_rows(path, needs_ids, state)?;
         let data = opened.data();
+        let members = self.of.members(ids, data)?;
         let periodic = self.of.periodic(data)?;
         self.read(data, &members, periodic, state)
+    }
+
+    /// Writes all fields of the rows of a region or of ids to the table `out`, or their ids to a list of such, as its name says; gives how many rows
+    /// there are. `named` is what `path` was made of, or is itself.
+    ///
+    /// # Errors
+    /// When they cannot be read, or `out` not be written or is a file that is read.
+    pub fn export(
+        &self,
+        path: &Path,
+        named: &Path,
+        ids: Option<Vec<u64>>,
+        out: &Path,
+        state: &State,
+    ) -> Result<u64, Failure> {
+        let written = out.display();
+        let format = Format::of(out);
+        if out.is_dir() {
+            return Err(format!("{written}: cannot be written: found a folder, expected the name of a file").into());
+        }
+        let is_list = out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ids"));
+        if format.is_none() && !is_list {
+            return Err(format!("{written}: expected a name that ends in {}, or .ids", Format::ENDINGS).into());
+        }
+        let mut read = vec![path.to_owned(), named.to_owned()];
+        read.extend(self.of.at.as_deref().map(files_of_catalogue).transpose()?.unwrap_or_default());
+        refuse_over(out, &read)?;
+        let opened = self.of.opened_for_rows(path, ids.is_some() || format.is_none(), state)?;
+        let data = opened.data();
+        let members = self.of.members(ids, data)?;
+        let periodic = self.of.periodic(data)?;
+        let physical = match data {
+            Data::Source(source) => Frame::physical(source),
+            Data::Pages(_) => None,
+        };
+        let frame = match (self.physical, physical) {
+            (false, _) => Frame::Stored,
+            (true, Some(physical)) => physical,
+            (true, None) => {
+                let found = "found data that does not say its scale factor and what its velocities are";
+                let expected = "expected a comoving source or run that does, or no frame";
+                return Err(format!("{}: frame: {found}, {expected}", path.display()).into());
+            }
+        };
+        let work = Work { progress: state, stop: state.stop() };
+        // Whoever is interrupted from here on waits until nothing unfinished is left.
+        state.begin("writing", 0);
+        let rows = match (format, &opened) {
+            (Some(format), _) => export(data, &members, format, &frame, out, periodic, work)?.rows,
+            (None, Opened::Source(source)) => {
+                let found = ids_of(source.as_ref(), &members, periodic, work)?;
+                found.write(out, &format!(" of {}", path.display()))?;
+                found.len()
+            }
+            (None, Opened::Pages(_)) => return Err(format!("{}: a page file has no ids", path.display()).into()),
+        };
+        if let Members::Ids(wanted) = &members
+            && rows < wanted.len()
+        {
+            state.note(format!("{} of {} ids are not there", wanted.len() - rows, wanted.len()));
+        }
+        Ok(rows)
     }
 
     /// The ends of the tracks of a run: of those with these ids, else of those that lie in the region.
@@ -65,7 +132,7 @@ impl AskedRows {
             let (from, to) = (run.time(from), run.time(to));
             return Err(format!("{}: start: found {from}, expected a time before end, {to}", path.display()).into());
         }
-        let members = self.of.members(ids)?;
+        let members = self.of.members(ids, self.of.opened("tracks", path)?.data())?;
         let following = Following::new(Arc::clone(&run)).filter(|_| members.stay());
         let work = Work { progress: state, stop: state.stop() };
         let followed = following.map(|following| following.of(&members, work)).transpose()?.flatten();

@@ -3,8 +3,8 @@
 use crate::error::Failure;
 use deepfield_draw::build::default_memory;
 use deepfield_draw::color::output;
-use deepfield_draw::look::{Backend, Member};
-use deepfield_draw::model::{Progress, is_url};
+use deepfield_draw::look::{Backend, DatasetRef, Member};
+use deepfield_draw::model::Progress;
 use deepfield_draw::picture::asked::State;
 use deepfield_draw::picture::{AnySession, PictureError, SessionOptions};
 use deepfield_draw::tour::{Frames, Pattern, Show, TourFile, around_data};
@@ -45,7 +45,7 @@ impl AskedTour {
     /// When the tour or the data cannot be read, or do not fit together.
     pub fn open(
         &self,
-        path: &Path,
+        data: &Member,
         open: impl FnOnce(&[Member], SessionOptions) -> Result<AnySession, PictureError>,
         state: &State,
     ) -> Result<Show, Failure> {
@@ -62,17 +62,16 @@ impl AskedTour {
         }
         // What is said beside the text is checked as the text is.
         let tour = TourFile::parse("tour", &tour.to_ron())?;
-        let data = Member::new(path);
         let options = SessionOptions {
             backend: Some(Backend::Cpu),
             page_memory: Some(self.memory.unwrap_or_else(default_memory)),
             chunk_memory: self.memory,
             ..SessionOptions::default()
         };
-        let session = open(std::slice::from_ref(&data), options)?;
+        let session = open(std::slice::from_ref(data), options)?;
         // A tour of no file is one around the data, which a run plays along.
         let file = self.tour.as_ref().map(|_| self.file.clone().unwrap_or_else(|| PathBuf::from("tour")));
-        Show::open(tour, file, data, session, &mut |note| state.note(note))
+        Show::open(tour, file, data.clone(), session, &mut |note| state.note(note))
     }
 
     /// Draws the frames into a folder; gives their files.
@@ -95,12 +94,16 @@ impl AskedTour {
         let mut last = None;
         let mut files = Vec::new();
         for frame in frames.range.clone() {
+            // Until there is a picture, which may take long.
+            state.set_writing(false);
             let shot = show.shot(frames.time(frame), folder)?;
+            state.go_on();
             // Frames of a pause are the same picture.
             let image = match last.take() {
                 Some((before, image)) if before == shot => image,
                 _ => show.take(&shot, None)?.image,
             };
+            state.set_writing(true);
             // Whoever has given up may look at what is there meanwhile: no more frames come.
             state.go_on();
             let file = named(frame);
@@ -123,8 +126,8 @@ impl AskedTour {
         let place = Path::new("tour");
         let mut scene = show.shot(time, place)?;
         // It may be written into any folder.
-        for dataset in scene.datasets.iter_mut().filter(|dataset| !is_url(&dataset.path)) {
-            dataset.path = std::path::absolute(&dataset.path)?;
+        for dataset in &mut scene.datasets {
+            *dataset = DatasetRef { fingerprint: dataset.fingerprint, ..DatasetRef::from(show.data.clone()) };
         }
         Ok(scene.text(place)?)
     }

@@ -3,6 +3,7 @@
 //! The work has a thread of its own; the thread that called attends to the interpreter until the work ends, or is left to end by itself.
 
 use crate::error::{Failure, told};
+use crate::forks::Call;
 use deepfield_draw::picture::asked::{State, on_threads};
 use pyo3::prelude::*;
 use std::any::Any;
@@ -14,13 +15,14 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// How often signals are looked for.
-const PERIOD: Duration = Duration::from_millis(20);
+const PERIOD: Duration = Duration::from_millis(10);
 
 /// How often progress is told at most.
 const TELLING: Duration = Duration::from_millis(50);
 
-/// How long interrupted work that writes is waited for, so that it leaves nothing behind: as long as interrupted work is to take.
-const GRACE: Duration = Duration::from_millis(70);
+/// How long interrupted work that writes is waited for, so that it leaves nothing behind: with what a busy machine takes to run this thread again,
+/// the tenth of a second that interrupted work is to take.
+const GRACE: Duration = Duration::from_millis(60);
 
 /// How long Python's end waits at most for what was still writing after that.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -56,10 +58,11 @@ pub fn run<T: Send + 'static>(
     progress: Option<Py<PyAny>>,
     job: impl FnOnce(&Arc<State>) -> Result<T, Failure> + Send + 'static,
 ) -> PyResult<(T, Vec<String>)> {
-    run_beside(py, progress, Duration::MAX, job)
+    run_beside(py, progress, Awaited::End, job)
 }
 
-/// Does work that writes nothing, as [`run`] does; interrupted, it is not waited for: it ends by itself where it next asks whether anybody waits.
+/// Does work that writes nothing but into the cache, as [`run`] does; interrupted, it is not waited for: it ends by itself where it next asks whether
+/// anybody waits, and where it may be writing Python's end waits for that.
 ///
 /// # Errors
 /// As [`run`].
@@ -68,10 +71,10 @@ pub fn run_alone<T: Send + 'static>(
     progress: Option<Py<PyAny>>,
     job: impl FnOnce(&Arc<State>) -> Result<T, Failure> + Send + 'static,
 ) -> PyResult<(T, Vec<String>)> {
-    run_beside(py, progress, Duration::ZERO, job)
+    run_beside(py, progress, Awaited::Nothing, job)
 }
 
-/// Does work that writes, as [`run_alone`] does; interrupted, it is waited for a little, within which it ends as a rule, and else by
+/// Does work that writes, as [`run_alone`] does; interrupted where it writes, it is waited for a little, within which it ends as a rule, and else by
 /// [`wait_for_writers`]. Where it has ended, nothing that is not whole is left of it.
 ///
 /// # Errors
@@ -81,25 +84,51 @@ pub fn run_writing<T: Send + 'static>(
     progress: Option<Py<PyAny>>,
     job: impl FnOnce(&Arc<State>) -> Result<T, Failure> + Send + 'static,
 ) -> PyResult<(T, Vec<String>)> {
-    run_beside(py, progress, GRACE, job)
+    run_beside(py, progress, Awaited::Writing, job)
 }
 
-/// Does the work on a thread that interrupted work is left to after so long.
+/// What is waited for of interrupted work.
+#[derive(Clone, Copy)]
+enum Awaited {
+    /// That it ends.
+    End,
+    /// That it ends, where it is writing, and [`GRACE`] at most.
+    Writing,
+    /// Nothing.
+    Nothing,
+}
+
+impl Awaited {
+    /// For how long, of work in this state.
+    fn longest(self, state: &State) -> Duration {
+        match self {
+            Awaited::End => Duration::MAX,
+            Awaited::Writing if state.is_writing() => GRACE,
+            Awaited::Writing | Awaited::Nothing => Duration::ZERO,
+        }
+    }
+}
+
+/// Does the work on a thread to which it is left, interrupted, after what is awaited of it.
 fn run_beside<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
-    grace: Duration,
+    awaited: Awaited,
     job: impl FnOnce(&Arc<State>) -> Result<T, Failure> + Send + 'static,
 ) -> PyResult<(T, Vec<String>)> {
     let state = Arc::new(State::default());
     let (ends, ended) = channel::<Ended<T>>();
     let own = Arc::clone(&state);
-    let is_forked = *FIRST.get_or_init(std::process::id) != std::process::id();
+    let process = std::process::id();
+    let is_forked = *FIRST.get_or_init(|| process) != process;
     // As many as there usually are, for this work alone.
     let threads = is_forked.then_some(0);
+    let call = Call::begin(py);
+    let working = call.work();
     let work = move || {
         // Whoever was interrupted hears nothing of it.
         let _ = ends.send(catch_unwind(AssertUnwindSafe(|| on_threads(threads, || job(&own)))));
+        drop(working);
     };
     let named = std::thread::Builder::new().name("deepfield".into()).stack_size(STACK);
     let thread = named.spawn(work).map_err(|error| told(format!("starting a thread: {error}").into()))?;
@@ -115,11 +144,17 @@ fn run_beside<T: Send + 'static>(
             if let Err(interruption) = Python::attach(|py| attend(waiting, py, progress, &mut last)) {
                 waiting.stop().store(true, Ordering::Relaxed);
                 // However it ends.
-                let is_left = matches!(ended.recv_timeout(grace), Err(RecvTimeoutError::Timeout));
-                if is_left && !grace.is_zero() {
+                let is_left = matches!(ended.recv_timeout(awaited.longest(waiting)), Err(RecvTimeoutError::Timeout));
+                // What only reads may be building into the cache, too.
+                if is_left && (matches!(awaited, Awaited::Writing) || waiting.is_writing()) {
                     leave(thread);
                 }
                 return Err(interruption);
+            }
+            if std::process::id() != process {
+                // What is behind it is another process's.
+                std::mem::forget(thread);
+                return Err(told("this process was forked within the call, whose work the first one does".into()));
             }
         }
     })?;

@@ -27,6 +27,9 @@ OPTIONAL = {
     "h5py": "snapshots that HDF5's own library reads",
     "astropy": "tables that astropy reads",
     "plyfile": "points that plyfile reads",
+    "pynbody": "snapshots of pynbody",
+    "swiftsimio": "data sets of swiftsimio",
+    "yt": "data sets of yt",
     "distributed": "builds by the workers of Dask",
     "mypy": "the stubs",
 }

@@ -4,6 +4,9 @@ import copy
 import multiprocessing
 import os
 import pickle
+import signal
+import threading
+import time
 import unittest
 
 import numpy as np
@@ -35,6 +38,54 @@ class Copies(WithFolder):
         with multiprocessing.get_context("fork").Pool(1) as pool:
             # Threads that only the first process has would never answer.
             self.assertEqual(pool.map_async(drawn, [self.data]).get(60.0), [expected])
+
+    @unittest.skipUnless(hasattr(os, "fork"), "this system has no fork")
+    def test_a_fork_waits_for_calls_of_other_threads(self):
+        expected, begun, told = drawn(self.data), threading.Event(), []
+
+        def tell(*_):
+            if not told:
+                told.append("begun")
+                begun.set()
+                time.sleep(0.3)
+                told.append("on the way to its end")
+
+        def look():
+            os._exit(len(told) != 2 or drawn(self.data) != expected)
+
+        building = threading.Thread(target=deepfield.build, args=(particles(100_000), self.folder / "large.df", None, tell))
+        building.start()
+        self.addCleanup(building.join)
+        self.assertTrue(begun.wait(60.0))
+        child = multiprocessing.get_context("fork").Process(target=look)
+        child.start()
+        self.addCleanup(child.kill)
+        child.join(60.0)
+        self.assertEqual(child.exitcode, 0)
+        # And calls go on.
+        self.assertEqual(drawn(self.data), expected)
+
+    @unittest.skipUnless(hasattr(os, "fork"), "this system has no fork")
+    def test_a_process_that_is_forked_within_a_call_does_not_wait_for_its_work(self):
+        here, forked = os.getpid(), []
+
+        def tell(*_):
+            if not forked:
+                forked.append(os.fork())
+                if not forked[0]:
+                    # Rather than wait for ever.
+                    signal.alarm(60)
+
+        try:
+            deepfield.build(particles(100_000), self.folder / "large.df", None, tell)
+        except deepfield.Error as error:
+            if os.getpid() == here:
+                raise
+            os._exit("was forked within the call" not in str(error))
+        finally:
+            if os.getpid() != here:
+                os._exit(2)
+        self.assertEqual(os.waitpid(forked[0], 0)[1], 0)
 
     def test_data_is_the_same_from_another_folder(self):
         self.addCleanup(os.chdir, os.getcwd())

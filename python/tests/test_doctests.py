@@ -1,8 +1,9 @@
-"""The examples of the package's docstrings, with `data` and `np` at hand and in a folder of their own."""
+"""The examples of the package's docstrings, with `data` and `np` at hand and in a folder of their own, in which `movie.xyz` is a run."""
 
 import doctest
-import importlib
+import importlib.util
 import os
+import pathlib
 import pkgutil
 import tempfile
 import unittest
@@ -11,6 +12,7 @@ import warnings
 import numpy as np
 
 import deepfield
+from test_deepfield import write_movie
 
 
 def load_tests(loader, tests, pattern):
@@ -23,6 +25,8 @@ def load_tests(loader, tests, pattern):
 
 
 def _begin(test):
+    if test.name.endswith("to_pandas") and not importlib.util.find_spec("pandas"):
+        raise unittest.SkipTest("pandas is not installed")
     caught = warnings.catch_warnings()
     caught.__enter__()
     warnings.simplefilter("ignore", deepfield.Note)
@@ -32,6 +36,7 @@ def _begin(test):
     chance = np.random.default_rng(1)
     gas = {"positions": chance.random((200, 3)), "mass": 1.0, "smoothing_length": 0.1, "temperature": chance.random(200)}
     test.globs |= {"deepfield": deepfield, "np": np, "data": deepfield.build(gas, "box.df", units={"positions": "kpc"})}
+    write_movie(pathlib.Path("movie.xyz"), chance.random((60, 3)))
 
 
 def _end(test):

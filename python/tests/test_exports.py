@@ -102,6 +102,31 @@ class Exports(WithFolder):
         self.compare(low | high << np.uint64(32), lambda name: points[name.replace("_", "-")])
         self.assertEqual(set(points["family"]), {1})
 
+    @has("vtk")
+    def test_vtk_reads_points(self):
+        from vtkmodules.util.numpy_support import vtk_to_numpy  # type: ignore
+        from vtkmodules.vtkIOXML import vtkXMLPolyDataReader  # type: ignore
+
+        reader = vtkXMLPolyDataReader()
+        reader.SetFileName(str(self.written("box.vtp")))
+        reader.Update()
+        self.assertEqual(reader.GetErrorCode(), 0)
+        points = reader.GetOutput()
+        self.assertEqual((points.GetNumberOfPoints(), points.GetNumberOfVerts()), (500, 500))
+        arrays = points.GetPointData()
+        vectors = {"x": vtk_to_numpy(points.GetPoints().GetData()), "vx": vtk_to_numpy(arrays.GetArray("velocity"))}
+
+        def column(name):
+            if name[-1] in "xyz":
+                return vectors["v" * (len(name) - 1) + "x"][:, "xyz".index(name[-1])]
+            return vtk_to_numpy(arrays.GetArray(name.replace("_", "-")))
+
+        self.compare(vtk_to_numpy(arrays.GetArray("id")), column)
+        self.assertEqual(set(vtk_to_numpy(arrays.GetArray("family"))), {1})
+        units = {name: arrays.GetArray(name).GetInformation() for name in ("velocity", "mass", "temperature")}
+        label = arrays.GetArray("mass").UNITS_LABEL()
+        self.assertEqual({name: unit.Get(label) for name, unit in units.items()}, {"velocity": "km/s", "mass": "Msun", "temperature": "K"})
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -1,5 +1,7 @@
 """What is written to files: as a whole or not at all, and over nothing that was read."""
 
+import os
+import pathlib
 import unittest
 import unittest.mock
 
@@ -45,6 +47,22 @@ class Written(WithFolder):
         # Those that have no file of their own are from where they are.
         self.assertEqual(deepfield.Scene.from_ron(own.read_text()).replace(mode="volume").datasets[0]["path"], "box.df")
         self.assertEqual(data.render(scene=scene.replace(labels=None, size=(30, 20))).size, (30, 20))
+
+    def test_a_path_may_begin_at_home(self):
+        home = str(self.folder)
+        with unittest.mock.patch.dict(os.environ, {"HOME": home, "USERPROFILE": home}):
+            data = deepfield.build(particles(200), "~/box.df")
+            self.assertEqual((deepfield.open("~/box.df").count, data.paths), (200, [str(self.folder / "box.df")]))
+            picture = data.render(ABOVE, (20, 10), "points")
+            picture.save("~/box.png")
+            picture.save(pathlib.Path("~/box.npz"))
+            deepfield.Camera(eye=(0.0, 0.0, 9.0)).write("~/camera.ron")
+            self.assertEqual(deepfield.Camera.read("~/camera.ron").eye, (0.0, 0.0, 9.0))
+            scene = deepfield.Scene("~/box.df", mode="points")
+            scene.write("~/own.scene.ron")
+            self.assertEqual(deepfield.Scene.read("~/own.scene.ron").datasets[0]["path"], str(self.folder / "box.df"))
+            self.refused("cannot be written: found a file that is read", picture.save, "~/box.df")
+        self.assertEqual({path.name for path in self.folder.iterdir()}, {"box.df", "box.png", "box.npz", "camera.ron", "own.scene.ron"})
 
     def test_what_is_no_text_is_told(self):
         deepfield.build(particles(200), self.folder / "box.df")

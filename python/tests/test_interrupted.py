@@ -17,7 +17,8 @@ import numpy as np
 import deepfield
 from test_deepfield import WithFolder, particles
 
-# Seconds. The bar is a tenth, on a machine that does nothing else.
+# Seconds. The bar is a tenth, on a machine that does nothing else: beside compilers and other tests a thread may have to wait for longer until it is
+# run at all.
 SOON = 1.0
 
 # A program that is ended in the middle of a build, while threads may be reading its arrays.
@@ -52,6 +53,30 @@ data = deepfield.open(sys.argv[1])
 try:
     threading.Thread(target=interrupt, daemon=True).start()
     deepfield.Tour.around(seconds=60.0).render(data, frames, (2000, 2000), 30)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+# A program that ends while a picture's data, which the cache has lost, is built into it again.
+BUILDS = """
+import pathlib, sys
+import deepfield
+
+cache = pathlib.Path(sys.argv[2])
+
+def files():
+    return [path for path in cache.rglob("*") if path.is_file()]
+
+def tell(*_):
+    if files():
+        raise KeyboardInterrupt
+
+data = deepfield.open(sys.argv[1])
+for path in files():
+    path.unlink()
+try:
+    data.render(size=(60, 40), mode="points", progress=tell)
 except KeyboardInterrupt:
     print("interrupted")
 """
@@ -155,13 +180,22 @@ class Interrupted(WithFolder):
         del arrays, given
         self.assertTrue(eventually(lambda: gc.collect() is not None and places() is None))
 
-    def test_ctrl_c_ends_what_opens_and_builds_files(self):
+    def table(self):
+        """A file of text that is read for a while, and built for longer."""
         source = self.folder / "many.csv"
         rows = np.random.default_rng(4).integers(0, 10**6, (300_000, 3)).tolist()
         source.write_text("\n".join(["x,y,z", *("%d,%d,%d" % tuple(row) for row in rows), ""]))
+        return source
+
+    def caches(self):
+        """While it is entered the cache is a folder of its own."""
         cache = str(self.out / "cache")
+        return unittest.mock.patch.dict(os.environ, {"XDG_CACHE_HOME": cache, "LOCALAPPDATA": cache})
+
+    def test_ctrl_c_ends_what_opens_and_builds_files(self):
+        source = self.table()
         # While the text is read, and while neighbours are looked for.
-        with unittest.mock.patch.dict(os.environ, {"XDG_CACHE_HOME": cache, "LOCALAPPDATA": cache}):
+        with self.caches():
             for after in (0.05, 0.4):
                 self.ends_soon(lambda: deepfield.open(source), after)
                 self.is_clean(self.out)
@@ -200,6 +234,12 @@ class Interrupted(WithFolder):
         self.is_interrupted(WRITES, self.folder / "box.df", self.out)
         names = sorted(path.name for path in self.out.iterdir())
         self.assertTrue(all(name.startswith("frame-") for name in names), names)
+
+    def test_a_program_that_is_interrupted_ends_what_it_builds_into_the_cache(self):
+        with self.caches():
+            self.is_interrupted(BUILDS, self.table(), self.out / "cache")
+        names = [path.name for path in self.out.rglob("*") if path.is_file()]
+        self.assertTrue(all(name.endswith(".df") and not name.endswith(".new.df") for name in names), names)
 
     def is_interrupted(self, program, *arguments):
         """Whether a program hears of Ctrl-C and ends by itself."""

@@ -34,9 +34,12 @@ class Texts(WithFolder):
         tour = deepfield.Tour(keyframes=keyframes, size=(64, 48), rate=10)
         self.assertEqual(deepfield.Tour(**tour.fields), tour)
         self.assertEqual([tour.size, tour.keyframes[1]["move"], tour.keyframes[1]["time"]], [[64, 48], "flight", "last"])
+        tracked = {"at": "z:1.5", "region": {"shapes": [{"Sphere": {"center": [0.5, 0.5, 0.5], "radius": 0.25}}]}}
         scene = deepfield.Scene("box.df", mode="points", settings={"radius": 3.0}, time="step:2", paths={"of": "all"},
+                                selections=[{"name": "ball", "members": {"Tracked": tracked}}],
                                 camera=deepfield.Camera(eye=(1, 2, 3), target=(0, 0, 0)))
         self.assertEqual(deepfield.Scene(**scene.fields), scene)
+        self.assertEqual(scene.selections[0]["members"], {"Tracked": {**tracked, "at": {"redshift": 1.5}}})
         self.assertEqual([scene.time, scene.paths["of"], scene.camera["eye"]], [{"step": 2}, "all", [1.0, 2.0, 3.0]])
         self.assertEqual(scene.replace(mode="column-density", settings={}).mode, "column-density")
         fading = scene.replace(film={"from": scene.fields, "share": 0.5}, time="last")

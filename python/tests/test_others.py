@@ -3,6 +3,7 @@
 import importlib.util
 import os
 import pathlib
+import shutil
 import sys
 import unittest
 import unittest.mock
@@ -13,6 +14,11 @@ import deepfield
 from test_deepfield import WithFolder, particles
 
 DATA = pathlib.Path(__file__).resolve().parents[2] / "tests" / "data"
+
+
+def reads_data(package):
+    """Of tests in which a package reads files of ``tests/data``."""
+    return unittest.skipUnless(importlib.util.find_spec(package) and DATA.is_dir(), f"{package} is not installed")
 
 
 class Quantity(np.ndarray):
@@ -74,9 +80,11 @@ class OfOthers(WithFolder):
             "mass": Quantity.of(arrays["mass"], "1.00e+10 Msol h**-1"),
             "smooth": arrays["smoothing_length"],
             "temp": Quantity.of(arrays["temperature"], "K"),
+            "vel": Quantity.of(np.ones((500, 3)), "km s**-1 a**1/2"),
         }
         data = deepfield.build(snapshot("GadgetHDFSnap", own), self.out)
         self.same(data, "dark", "a kpc/h", "1e10 Msun/h")
+        self.assertEqual(data.families["dark"].fields["speed"].unit, "a^0.5 km/s")
         self.assertEqual((data.redshift, data.families["dark"].fields["temperature"].unit), (1.0, "K"))
         # Its text has three digits of a number.
         rounded = type("Unit", (str,), {"_scale": 3.085678e24})("3.09e+24 cm a h**-1")
@@ -114,27 +122,47 @@ class OfOthers(WithFolder):
         self.same(data, "stars", "kpc", "Msun")
         self.assertEqual(data.box_size, 2.0)
 
-    @unittest.skipUnless(importlib.util.find_spec("pynbody") and DATA.is_dir(), "pynbody is not installed")
+    @reads_data("pynbody")
     def test_pynbody_reads_what_deepfield_reads(self):
         import pynbody  # type: ignore
 
-        self.agree(pynbody.load(str(DATA / "gizmo.hdf5")), DATA / "gizmo.hdf5", 1.0)
+        # It takes lengths of such files for Mpc/h.
+        gas = self.agree(pynbody.load(str(DATA / "gizmo.hdf5")), DATA / "gizmo.hdf5", "a Mpc/h", "1e10 Msun/h").families["gas"]
+        self.assertEqual(gas.fields["speed"].unit, "a^0.5 km/s")
 
-    @unittest.skipUnless(importlib.util.find_spec("swiftsimio") and DATA.is_dir(), "swiftsimio is not installed")
+    @reads_data("swiftsimio")
     def test_swiftsimio_reads_what_deepfield_reads(self):
         import swiftsimio  # type: ignore
 
-        self.agree(swiftsimio.load(DATA / "swift.hdf5"), DATA / "swift.hdf5", 1e10)
+        self.agree(swiftsimio.load(DATA / "swift.hdf5"), DATA / "swift.hdf5", "a Mpc", "Msun", masses=1e10)
 
-    def agree(self, theirs, path, masses):
+    @reads_data("yt")
+    def test_yt_reads_what_deepfield_reads(self):
+        import yt  # type: ignore
+
+        yt.set_log_level(50)
+        # In the second, kpc/h at a redshift of 1, families have names of Gadget's own.
+        for name, lengths, masses, redshift in [
+            ("gas_sphere_collapse_025.hdf5", 1.0, 1e10, None), ("others/pynbody-gadget.dat", 0.5 / 0.7, 1e10 / 0.7, 1.0),
+        ]:  # fmt: skip
+            with self.subTest(name):
+                # It leaves an index beside a file.
+                path = pathlib.Path(shutil.copy(DATA / name, self.folder))
+                data = self.agree(yt.load(path), path, "kpc", "Msun", lengths, masses)
+                self.assertEqual(data.redshift, redshift)
+
+    def agree(self, theirs, path, unit, mass_unit, lengths=1.0, masses=1.0):
+        """Of what a package has opened the same is built as of the file, in its units; the data set."""
         built, own = deepfield.build(theirs, self.out), deepfield.build(path, self.folder / "own.df")
-        self.assertEqual(list(built.families), list(own.families))
+        self.assertEqual((set(built.families), built.unit, built.mass_unit), (set(own.families), unit, mass_unit))
         for name, family in own.families.items():
             found = built.families[name]
-            np.testing.assert_allclose(found.bounds, family.bounds, rtol=1e-6)
+            self.assertEqual(found.count, family.count)
+            np.testing.assert_allclose(found.bounds, lengths * np.asarray(family.bounds), rtol=1e-6)
             np.testing.assert_allclose(found.mass, masses * family.mass, rtol=1e-6)
-            lengths = [each.fields["smoothing-length"].mean for each in (found, family)]
-            np.testing.assert_allclose(*lengths, rtol=1e-5)
+            mean = lengths * family.fields["smoothing-length"].mean
+            np.testing.assert_allclose(found.fields["smoothing-length"].mean, mean, rtol=1e-5)
+        return built
 
 
 @unittest.skipIf(sys.platform == "win32", "the program is a script here")

@@ -2,6 +2,7 @@
 
 import functools
 import http.server
+import multiprocessing
 import os
 import threading
 import unittest.mock
@@ -10,6 +11,10 @@ import numpy as np
 
 import deepfield
 from test_deepfield import ABOVE, WithFolder, particles
+
+
+def count(path):
+    return deepfield.open(path).count
 
 
 class Server(http.server.ThreadingHTTPServer):
@@ -88,6 +93,16 @@ class Afar(WithFolder):
         self.assertEqual(deepfield.Scene(data, mode="points").datasets[0]["path"], url)
         deepfield.build(particles(100, 8), self.files / "stars.df", family="stars", units={"positions": "kpc"})
         self.assertEqual(deepfield.open([url, self.files / "stars.df"]).count, 20_100)
+
+    @unittest.skipUnless(hasattr(os, "fork"), "this system has no fork")
+    def test_processes_that_are_forked_read_from_afar_too(self):
+        here = self.served(Parts, asked=[])
+        deepfield.build(particles(100, 8), self.files / "stars.df")
+        self.assertEqual(count(f"{here}/box.df"), 20_000)
+        with multiprocessing.get_context("fork").Pool(1) as pool:
+            # What attends to the first one's connections is not there, and one file is open already.
+            names = [f"{here}/stars.df", f"{here}/box.df"]
+            self.assertEqual(pool.map_async(count, names).get(60.0), [100, 20_000])
 
     def test_what_cannot_be_read_from_afar_is_told(self):
         here = self.served(Parts, asked=[])

@@ -7,6 +7,7 @@ import importlib.util
 import io
 import os
 import pathlib
+import struct
 import subprocess
 import sys
 import sysconfig
@@ -69,6 +70,25 @@ class Wheels(unittest.TestCase):
             subprocess.run([sys.executable, "-m", "pip", "install", *options, "--target", into, path], check=True)
             said = subprocess.run([into / "bin" / "deepfield", "info"], check=True, stdout=subprocess.PIPE, text=True).stdout
         self.assertEqual(said, "deepfield info\n")
+
+    def test_on_macos_the_name_says_what_the_files_are_compiled_for(self):
+        def compiled(processor, major, minor, command=0x32):
+            version = struct.pack("<I", major << 16 | minor << 8)
+            other = struct.pack("<2I8x", 0x1B, 16)
+            named = struct.pack("<3I", 0x32, 24, 1) + version + bytes(8) if command == 0x32 else struct.pack("<2I", 0x24, 16) + version + bytes(4)
+            return struct.pack("<8I", 0xFEEDFACF, processor, 0, 6, 2, len(other + named), 0, 0) + other + named
+
+        intel, apple = 0x01000007, 0x0100000C
+        with unittest.mock.patch.object(sys, "platform", "darwin"):
+            tag = self.wheel.platform_tag
+            self.assertEqual(tag(compiled(apple, 11, 0), b""), "macosx_11_0_arm64")
+            self.assertEqual(tag(compiled(intel, 10, 12, 0x24), compiled(intel, 10, 9)), "macosx_10_12_x86_64")
+            self.assertEqual(tag(compiled(apple, 11, 0), compiled(apple, 12, 3)), "macosx_13_0_arm64")
+            whole = compiled(apple, 11, 0)
+            # For two processors, in one file for both, and one whose first load command is all that it has.
+            for files in ((whole, compiled(intel, 11, 0)), (b"\xca\xfe\xba\xbe" + bytes(16),), (whole[:16] + struct.pack("<I", 1) + whole[20:],)):
+                with self.assertRaisesRegex(SystemExit, "wheel.py: found"):
+                    tag(*files)
 
     def test_a_library_that_needs_libpython_is_refused(self):
         with self.assertRaisesRegex(SystemExit, "PYO3_BUILD_EXTENSION_MODULE"):

@@ -2,10 +2,13 @@
 
 import importlib.util
 import json
+import math
 import pathlib
 import queue
 import random
+import shutil
 import struct
+import subprocess
 import tempfile
 import threading
 import unittest
@@ -99,6 +102,23 @@ class Frames(unittest.TestCase):
         self.assertIn("pionts", error["text"])
         self.assertTrue(self.answers(viewer, {"do": "choose", "mode": None})[-1][0]["finished"])
 
+    def test_colours_are_chosen(self):
+        viewer = self.viewer(camera=ABOVE, mode="column-density")
+        self.assertIn("viridis", viewer.about()["color_maps"])
+        drawn = {}
+        for chosen in ({}, {"color_map": "grey"}, {"color_scale": "linear"}, {"color_map": "viridis", "color_scale": "log"}):
+            last, (png,) = self.answers(viewer, {"do": "begin"}, {"do": "choose", **chosen})[-1]
+            self.assertTrue(last["finished"], last)
+            drawn[tuple(chosen.values())] = png
+        self.assertEqual(len(set(drawn.values())), 4)
+        expected = self.data.render(ABOVE, (96, 64), "column-density", color_map="viridis", color_scale="log")
+        self.assertEqual(drawn["viridis", "log"], expected.png())
+        # The usual ones again.
+        usual = self.answers(viewer, {"do": "choose", "color_map": None, "color_scale": None})[-1][1][0]
+        self.assertEqual(usual, drawn[()])
+        ((error, _),) = self.answers(viewer, {"do": "choose", "color_map": "infern"})
+        self.assertIn("no colour map `infern`", error["text"])
+
     def test_a_time_of_a_run_is_chosen(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
@@ -166,6 +186,26 @@ class Frames(unittest.TestCase):
         self.assertEqual([frame["finished"] for frame, _ in frames].count(True), 1)
         self.assertEqual((views[-1][1], views[-1][0]), ((96, 64), viewer.camera.eye))
         self.assertNotEqual(views[-1][0], views[0][0])
+
+    @unittest.skipUnless(shutil.which("node"), "Node is not installed")
+    def test_what_hands_do_in_a_page_becomes_messages_that_are_understood(self):
+        page = pathlib.Path(deepfield.__file__).with_name("widget.js")
+        command = ["node", pathlib.Path(__file__).with_name("widget.mjs"), page]
+        said = subprocess.run(command, check=True, capture_output=True, text=True, timeout=LONG).stdout
+        messages = [json.loads(line) for line in said.splitlines()]
+        factor = messages[4]["factor"]
+        self.assertEqual(messages, [
+            {"do": "begin"}, {"do": "turn", "x": -40, "y": 0}, {"do": "pan", "x": -20, "y": 0}, {"do": "turn", "x": 10, "y": 0},
+            {"do": "zoom", "factor": factor, "x": 48, "y": 32}, {"do": "pick", "x": 48, "y": 32}, {"do": "choose", "mode": "points"},
+            {"do": "choose", "color_map": "viridis"}, {"do": "choose", "color_scale": "linear"}, {"do": "choose", "color_map": None},
+            {"do": "home"},
+        ])  # fmt: skip
+        self.assertAlmostEqual(factor, math.e)
+        viewer = self.viewer(camera=ABOVE)
+        answers = [answer["kind"] for message in messages for answer, _ in self.answers(viewer, message)]
+        self.assertEqual((answers.count("picked"), answers.count("error")), (1, 0))
+        self.assertEqual(viewer.picture.mode, "points")
+        np.testing.assert_allclose(viewer.camera.eye, ABOVE["eye"])
 
     @unittest.skipUnless(importlib.util.find_spec("anywidget"), "no anywidget")
     def test_the_widget_of_a_notebook_takes_and_sends_messages(self):

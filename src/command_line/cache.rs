@@ -37,7 +37,7 @@ pub fn page_file_with(
     said: &HeightsSaid,
     progress: &dyn Progress,
 ) -> Result<PathBuf, Box<dyn std::error::Error + Send + Sync>> {
-    let (file, removed) = page_file(path, said, || folder("pages"), progress)?;
+    let (file, removed) = page_file(path, said, None, || folder("pages"), progress)?;
     removed.into_iter().for_each(|removed| eprintln!("deepfield: {removed}"));
     Ok(file)
 }

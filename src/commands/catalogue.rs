@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Lists the objects of a catalogue: a table (CSV), RON, a group catalogue of Gadget-4, AREPO or SUBFIND, haloes of Rockstar, AHF,
-/// VELOCIraptor or HBT+, or merger trees (HDF5).
+/// VELOCIraptor or HBT+, or merger trees of Gadget-4 or consistent-trees.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield catalogue groups.hdf5
@@ -23,7 +23,8 @@ use std::sync::Arc;
   deepfield catalogue groups.hdf5 --json objects.json
   deepfield catalogue trees.hdf5 --time z:2                             the haloes at a moment
   deepfield catalogue trees.hdf5 --history \"Subhalo 12\" -o halo.csv     what it was at each step
-  deepfield catalogue fof_subhalo_tab_040.hdf5 --history \"Subhalo 12\"   with the links beside it, subhalo_desc_NNN.hdf5")]
+  deepfield catalogue fof_subhalo_tab_040.hdf5 --history \"Subhalo 12\"   with the links beside it, subhalo_desc_NNN.hdf5
+  deepfield catalogue snap_040.z0.000.AHF_halos --history \"Halo 12\"     with those of all lists, snap_NNN.zZ.AHF_mtree")]
 pub struct Arguments {
     /// The catalogue: a file or folder of this machine, not a URL.
     pub path: PathBuf,

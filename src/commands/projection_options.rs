@@ -109,17 +109,8 @@ impl ProjectionOptions {
         if let Some((name, found, expected)) = stereo.as_ref().and_then(Stereo::mistake) {
             return Err(format!("{name}: found {found}, expected {expected}"));
         }
-        let fits = match (stereo.map(|stereo| stereo.kind), surround) {
-            (None, _) => true,
-            (Some(StereoKind::OffAxis), surround) => surround.is_flat(),
-            (Some(StereoKind::Omnidirectional), surround) => {
-                matches!(surround, Surround::Dome { .. } | Surround::Equirectangular)
-            }
-        };
-        match fits {
-            true => Ok((surround, stereo)),
-            false => Err("stereo: off-axis is for flat pictures, omnidirectional for dome and equirectangular".into()),
-        }
+        stereo.map_or(Ok(()), |stereo| stereo.check_for(surround))?;
+        Ok((surround, stereo))
     }
 }
 

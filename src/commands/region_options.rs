@@ -1,7 +1,7 @@
 //! How regions are named on the command line, and which data they are looked for in.
 
 use super::arguments::{Given, family_name, positive};
-use crate::explore::{Catalogue, Data, Object, Opened, Region, Shape, ValueRange};
+use crate::explore::{Catalogue, Data, Opened, Region, Shape, ValueRange, sphere_at};
 use crate::hierarchy::spacetime::Interpolation;
 use crate::import::{open_with, step_at};
 use crate::look::{DataKind, data_file, one_snapshot};
@@ -98,42 +98,17 @@ impl RegionOptions {
         region.shapes.extend(self.sphere.iter().chain(&self.cuboid).cloned());
         region.ranges.extend(self.ranges.iter().cloned());
         region.families.extend(&self.family);
-        let (path, name) = match (&self.at, &self.object, &self.catalogue) {
-            (Some(at), ..) => {
-                let (path, name) = at.rsplit_once('#').ok_or("--at: expected CATALOGUE#N such as groups.hdf5#0")?;
-                (Path::new(path), name)
+        region.shapes.extend(match (&self.at, &self.object, &self.catalogue) {
+            (Some(at), ..) => Some(sphere_at(at, self.radius, data)?),
+            (None, Some(name), Some(path)) => {
+                let catalogue = Catalogue::read_at(path, data.time(), false)?;
+                Some(catalogue.sphere(catalogue.named(name)?, self.radius, data)?)
             }
-            (None, Some(name), Some(path)) => (path.as_path(), name.as_str()),
-            _ => {
-                if self.radius.is_some() {
-                    return Err("--radius goes with --at or --object".into());
-                }
-                region.check()?;
-                return Ok(region);
-            }
-        };
-        let catalogue = Catalogue::read_at(path, data.time(), false)?;
-        let object = match name.parse() {
-            Ok(index) if self.object.is_none() => catalogue.ranked(index)?,
-            _ => catalogue.named(name)?,
-        };
-        region.shapes.push(self.object_sphere(data, &catalogue, object)?);
+            _ if self.radius.is_some() => return Err("--radius goes with --at or --object".into()),
+            _ => None,
+        });
         region.check()?;
         Ok(region)
-    }
-
-    fn object_sphere(&self, data: Data, catalogue: &Catalogue, object: &Object) -> Result<Shape, Failure> {
-        let (own, other) = (data.length_unit(), &catalogue.length_unit);
-        if !own.is_unknown() && !other.is_unknown() && own != other {
-            let path = catalogue.path.display();
-            return Err(
-                format!("{path}: lengths: found {other}, expected {own} as in {}", data.path().display()).into()
-            );
-        }
-        let radius = self.radius.or(object.radius).ok_or_else(|| {
-            format!("{}: {}: has no radius, expected --radius R", catalogue.path.display(), object.name)
-        })?;
-        Ok(Shape::Sphere { center: object.position, radius })
     }
 
     /// The edge of the periodic box that distances go round.

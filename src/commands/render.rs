@@ -9,8 +9,8 @@ use super::statistics;
 use crate::color::{Image, output};
 use crate::explore::Catalogue;
 use crate::import::step_at;
-use crate::look::{DataKind, LookPatch, Member, MemberKind, Shot, is_field, one_snapshot};
-use crate::mode::{Mode, Span};
+use crate::look::{DataKind, Member, MemberKind, is_field, one_snapshot};
+use crate::mode::Mode;
 use crate::model::When;
 use crate::picture::Picture;
 use crate::view::{CubeLayout, Side, Surround};
@@ -69,7 +69,7 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
         (first.path, shot.look.time) = (step, None);
     }
     let has_times = members.iter().any(|member| matches!(DataKind::of(&member.path), Ok(DataKind::Run)));
-    if has_times && shot.look.time.is_none() && is_of_tails(&shot) {
+    if has_times && shot.look.time.is_none() && shot.is_of_tails() {
         // At the first step no path has come from anywhere.
         shot.look.time = Some(When::Last);
     }
@@ -99,13 +99,6 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
         output::write_png(&output.with_extension(format!("{}.png", side.as_str())), &face)?;
     }
     write_numbers(arguments, &picture)
-}
-
-/// Whether a shot shows nothing but where particles came from.
-fn is_of_tails(shot: &Shot) -> bool {
-    let LookPatch { mode, settings, paths, .. } = &shot.look;
-    let leads = paths.as_ref().is_some_and(|paths| paths.lead != Span::Steps(0.0));
-    !leads && mode.is_some_and(|mode| !mode.technique.needs(settings).particles)
 }
 
 /// Writes a picture, whose colours are `finished`, and its numbers.

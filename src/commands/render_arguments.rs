@@ -302,11 +302,11 @@ impl Arguments {
             look,
             camera: config.camera.then(CameraConfig { eye, target, up, fov: self.fov, ortho: self.ortho }),
             size: self.size.map(|size| (size.width, size.height)).or(config.size),
-            surround: config.projection,
             stereo: config.stereo,
             labels: self.annotate.labels.clone().or(config.catalogue),
-            film: None,
+            ..Shot::default()
         });
+        shot.surround = config.projection.unwrap_or(shot.surround);
         if let Some(of) = &self.paths {
             shot.look.paths.get_or_insert_default().of = Some(of.clone());
         }
@@ -457,6 +457,7 @@ fn open_scene(path: &Path, data: Option<PathBuf>) -> Result<(Shot, Vec<Member>),
 mod tests {
     use super::*;
     use crate::look::{Camera, DatasetRef};
+    use crate::view::Surround;
 
     fn config(text: &str) -> PictureConfig {
         PictureConfig::parse("p.ron", text).unwrap()
@@ -472,6 +473,15 @@ mod tests {
         let volume = config(include_str!("../../configs/volume.ron"));
         let shot = Arguments::default().over(volume, Shot::default()).unwrap();
         assert!(shot.look.transfer.is_some() && shot.look.mode.is_some_and(|mode| mode.is_light()));
+    }
+
+    #[test]
+    fn a_configuration_overrides_the_projection_of_the_scene() {
+        let dome = Shot { surround: Surround::Dome { aperture: 210.0, tilt: 15.0 }, ..Shot::default() };
+        let over = |text: &str| Arguments::default().over(config(text), dome.clone()).unwrap().surround;
+        assert_eq!(over("(mode: \"points\")"), dome.surround);
+        assert_eq!(over("(projection: flat)"), Surround::Flat);
+        assert_eq!(over("(projection: equirectangular)"), Surround::Equirectangular);
     }
 
     #[test]

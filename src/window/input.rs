@@ -203,7 +203,7 @@ pub const HELP: [(&str, &[(&str, &str)]); 6] = [
             ("Tab", "show or hide the panels"),
             ("F2  F3", "those at the left, at the right"),
             ("F6", "to the next dock's controls; Tab goes on, Space presses"),
-            ("Ctrl+O", "open a file"),
+            ("Ctrl+O", "open a file; with Shift a folder"),
             ("Ctrl+Z  Ctrl+Y", "undo, redo settings"),
             ("Ctrl+S", "save the scene; with Shift under another name"),
             ("F11", "fill the screen"),

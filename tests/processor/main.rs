@@ -84,6 +84,7 @@ mod explore {
     mod reference;
     mod rows;
     mod selections;
+    mod trees_of_finders;
 }
 
 mod cluster;
@@ -91,6 +92,8 @@ mod heights;
 mod meshes;
 mod network;
 mod outputs;
+#[cfg(target_os = "linux")]
+mod packaging;
 mod plots;
 #[cfg(target_os = "linux")]
 mod release;

@@ -11,7 +11,7 @@ use deepfield::model::{Dataset, ReadMethod};
 use deepfield::store::verify;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use tempfile::TempDir;
 
 /// A zoom simulation in its box: most particles in a region a thousand times smaller, so that whole buckets lie inside a cell of
@@ -218,7 +218,7 @@ fn a_build_stays_within_its_memory() {
             if let Some(done) = child.try_wait().unwrap() {
                 break done;
             }
-            std::thread::sleep(Duration::from_millis(5));
+            std::thread::sleep(std::time::Duration::from_millis(5));
         };
         assert!(done.success());
         assert!(peak > 0 && peak <= allowed, "{smoothing}: {peak} bytes at the peak, {allowed} allowed");

@@ -1,11 +1,12 @@
 //! What `.ci/release` makes of a program.
 
+use crate::packaging::finds_nothing;
 use crate::support::in_repository;
 use std::os::unix::fs::PermissionsExt;
 use std::process::{Command, Output};
 
 /// What a command prints that succeeds.
-fn said(command: &mut Command) -> String {
+pub fn said(command: &mut Command) -> String {
     let output = command.output().unwrap();
     assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
@@ -84,6 +85,11 @@ fn a_release_is_whole_and_the_same_again_and_refused_where_it_would_not_run() {
         }
         let depends = said(Command::new("dpkg-deb").arg("--field").arg(&package).arg("Depends"));
         assert!(depends.contains("libc6 (>= 2.31)"), "{depends}");
+        let mut lintian = Command::new("lintian");
+        finds_nothing(
+            lintian.args(["--allow-root", "--fail-on", "error,warning"]).arg(&package),
+            "apt-get install lintian",
+        );
     }
 
     assert!(release("second", &["archive"]).status.success());
@@ -95,27 +101,4 @@ fn a_release_is_whole_and_the_same_again_and_refused_where_it_would_not_run() {
     assert_eq!(refused.status.code(), Some(1), "{message}");
     assert!(message.lines().last().unwrap().contains("found 2.31, expected 2.28 or older"), "{message}");
     assert_eq!(std::fs::read_dir(folder.path().join("third")).unwrap().count(), 0, "nothing is left there");
-}
-
-/// The kinds of files that a desktop tells by their first bytes are those that there are.
-#[test]
-fn the_desktop_tells_files_by_the_bytes_that_they_begin_with() {
-    let text = std::fs::read_to_string(in_repository("packaging/desktop/deepfield.xml")).unwrap();
-    for magic in [
-        deepfield::store::layout::MAGIC,
-        deepfield::store::layout::GRID_MAGIC,
-        deepfield::store::run::MAGIC,
-        deepfield::heights::store::HEIGHTS_MAGIC,
-    ] {
-        let written: String = magic
-            .iter()
-            .map(|&byte| match byte {
-                b'\r' => "\\r".to_owned(),
-                b'\n' => "\\n".to_owned(),
-                b' '..=b'~' => char::from(byte).to_string(),
-                _ => format!("\\{byte:03o}"),
-            })
-            .collect();
-        assert!(text.contains(&format!("value=\"{written}\"")), "{written}");
-    }
 }

@@ -58,7 +58,7 @@ pub fn keep_demo_pages(folder: &Path) -> PathBuf {
     }
     let kept = kept_page_file(&name, |path| {
         let making = tempfile::tempdir().unwrap();
-        let (made, _) = page_file(&demo(), &HeightsSaid::default(), || Ok(making.path().into()), &()).unwrap();
+        let (made, _) = page_file(&demo(), &HeightsSaid::default(), None, || Ok(making.path().into()), &()).unwrap();
         std::fs::copy(made, path).unwrap();
     });
     std::fs::create_dir_all(&pages).unwrap();

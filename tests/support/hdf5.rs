@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Numbers of one type, or a text.
+/// Numbers of one type, a text, or records.
 #[derive(Clone, Debug)]
 pub enum Values {
     U32(Vec<u32>),
@@ -12,6 +12,8 @@ pub enum Values {
     I32(Vec<i32>),
     F64(Vec<f64>),
     Text(&'static str),
+    /// So many, each with members of these names, of so many numbers each, which are here member by member.
+    Records(usize, Vec<(&'static str, usize, Values)>),
 }
 
 /// An address that there is not.
@@ -111,6 +113,7 @@ impl Values {
             Values::I32(values) => values.len(),
             Values::F64(values) => values.len(),
             Values::Text(_) => 1,
+            Values::Records(rows, _) => *rows,
         }
     }
 
@@ -121,6 +124,14 @@ impl Values {
             Values::I32(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
             Values::F64(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
             Values::Text(text) => text.as_bytes().to_vec(),
+            Values::Records(rows, members) => {
+                let members: Vec<Vec<u8>> = members.iter().map(|(.., values)| values.bytes()).collect();
+                let part = |member: &Vec<u8>, row: usize| {
+                    let size = member.len() / rows;
+                    member[row * size..][..size].to_vec()
+                };
+                (0..*rows).flat_map(|row| members.iter().flat_map(move |member| part(member, row))).collect()
+            }
         }
     }
 
@@ -132,6 +143,22 @@ impl Values {
             Values::I32(_) => whole(4, 8),
             Values::Text(text) => [&[0x13, 0, 0, 0][..], &(text.len() as u32).to_le_bytes()].concat(),
             Values::F64(_) => vec![0x11, 0x20, 63, 0, 8, 0, 0, 0, 0, 0, 64, 0, 52, 11, 0, 52, 0xff, 3, 0, 0],
+            Values::Records(rows, members) => {
+                let mut out = Vec::new();
+                let mut at = 0;
+                for (name, components, values) in members {
+                    let size = values.bytes().len() / rows;
+                    out.extend([name.as_bytes(), &[0, at as u8]].concat());
+                    if *components > 1 {
+                        out.extend([&[0x3a, 0, 0, 0][..], &(size as u32).to_le_bytes(), &[1]].concat());
+                        out.extend((*components as u32).to_le_bytes());
+                    }
+                    out.extend(values.datatype());
+                    at += size;
+                }
+                assert!(at < 256, "places of members take a byte");
+                [&[0x36, members.len() as u8, 0, 0][..], &(at as u32).to_le_bytes(), &out[..]].concat()
+            }
         }
     }
 }

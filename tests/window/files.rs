@@ -20,7 +20,9 @@ fn a_window_without_a_file_opens_one_and_another_process_hands_it_the_next() {
     let bare = [("DBUS_SESSION_BUS_ADDRESS", Path::new("unix:path=/nonexistent")), ("PATH", Path::new("/nonexistent"))];
     let mut window = Program::without_file(&desktop, folder.path(), [WIDTH, HEIGHT], &["--backend", "cpu"], &bare);
     let page = window.wait("the first page", |status| status["first_page"] == true);
-    assert!(page["controls"]["page:open"].is_array() && page["controls"]["page:demo"].is_array(), "{page:#}");
+    for control in ["page:open", "page:open-folder", "page:demo"] {
+        assert!(page["controls"][control].is_array(), "{control}: {page:#}");
+    }
     desktop.focus(desktop.window().expect("a window of the size that was asked for"));
     keep(&desktop, "first-page.png");
 

@@ -158,7 +158,10 @@ impl Progress for Waiting {
     }
 
     fn go_on(&self) {
-        self.stages.lock().unwrap().last_mut().unwrap().1 += 1;
+        // Before the first stage as well.
+        if let Some((_, asked)) = self.stages.lock().unwrap().last_mut() {
+            *asked += 1;
+        }
         if self.asked.fetch_add(1, Ordering::Relaxed) >= self.most && !std::thread::panicking() {
             resume_unwind(Box::new("nobody waits"));
         }

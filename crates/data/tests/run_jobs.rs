@@ -13,6 +13,7 @@ use deepfield_data::store::run::Tangents;
 use deepfield_data::synth::moving::{self, Births, Moving, Orbits, Pancake};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 /// A run, whose snapshots are named from where the test runs, and what is to be built of it.
 struct Case {
@@ -244,6 +245,61 @@ fn what_cannot_be_built_is_told_and_cancelled_jobs_leave_nothing() {
     assert_eq!(case.names(), ["temporary"]);
     let left: Vec<_> = std::fs::read_dir(&temporary).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert_eq!(left, ["other.df.tmpKilled"]);
+}
+
+/// Cancels a job as a task of it begins to work.
+struct Cancelling(Mutex<Option<Job>>);
+
+impl Progress for Cancelling {
+    fn begin(&self, _: &str, _: u64) {
+        if let Some(job) = self.0.lock().unwrap().take() {
+            job.remove().unwrap();
+        }
+    }
+
+    fn advance(&self, _: u64) {}
+}
+
+/// In a folder that stays for what others keep there.
+#[test]
+fn steps_whose_job_is_cancelled_while_they_run_leave_nothing() {
+    let case = Case::generated(&Orbits::new(4, 100), 2);
+    let job = case.plan().unwrap();
+    job.run("steps", 0, None, &()).unwrap();
+    std::fs::write(case.path("job").join("notes.txt"), "").unwrap();
+    let told = job.run("steps", 1, None, &Cancelling(Mutex::new(Some(job.clone())))).unwrap_err().to_string();
+    assert!(told.ends_with("was removed (`deepfield build --cancel`) while the task ran"), "{told}");
+    assert_eq!(case.names(), ["job"]);
+    let left: Vec<_> = std::fs::read_dir(case.path("job")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["notes.txt"]);
+}
+
+/// Cancels a job at the last moment at which its output has no name.
+struct CancellingAtLast(Mutex<Option<Job>>);
+
+impl Progress for CancellingAtLast {
+    fn begin(&self, _: &str, _: u64) {}
+
+    fn advance(&self, _: u64) {}
+
+    fn go_on(&self) {
+        if let Some(job) = self.0.lock().unwrap().take() {
+            job.remove().unwrap();
+        }
+    }
+}
+
+/// Which somebody may have built otherwise since.
+#[test]
+fn a_run_that_is_cancelled_before_its_end_leaves_what_has_the_name_of_its_output() {
+    let case = Case { tracks: None, ..Case::generated(&Orbits::new(4, 100), 2) };
+    let job = case.plan().unwrap();
+    (0..2).for_each(|step| job.run("steps", step, None, &()).unwrap());
+    std::fs::write(case.path("out.df"), "of somebody").unwrap();
+    let told = job.run("run", 0, None, &CancellingAtLast(Mutex::new(Some(job.clone())))).unwrap_err().to_string();
+    assert!(told.ends_with("was removed (`deepfield build --cancel`) while the task ran"), "{told}");
+    assert_eq!(case.built(), b"of somebody");
+    assert_eq!(case.names(), ["out.df"]);
 }
 
 /// Other bytes than those that were promised are not built in its place.

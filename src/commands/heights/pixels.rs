@@ -126,7 +126,7 @@ fn seen(open: &OpenHeights, asked: &HeightsProbe) -> Result<(Sight, Placed), Box
     let mut shot = Shot {
         camera: config.camera.then(CameraConfig { eye, target, up, fov: asked.fov, ortho: asked.ortho }),
         size: asked.size.map(|size| (size.width, size.height)).or(config.size),
-        surround: config.projection,
+        surround: config.projection.unwrap_or_default(),
         ..Shot::default()
     };
     (shot.surround, shot.stereo) = asked.projection.over(shot.surround, None)?;

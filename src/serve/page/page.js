@@ -143,7 +143,7 @@ class Model {
   constructor(about, size) {
     const names = { attributes: about.fields, times: about.steps ?? [], time: null, flat: about.kind === "image" };
     this.about = { ...about, ...names, size };
-    this.look = { mode: about.mode, attribute: null, time: null, colors: null };
+    this.look = { mode: about.mode, attribute: null, time: null, colors: null, color_map: null, color_scale: null };
     this.start = about.camera;
     this.effort = 1 / 16;
     this.version = 0;
@@ -243,10 +243,9 @@ class Model {
     const [side, { size }] = [isMoving ? Math.sqrt(this.effort) : 1, this.about];
     const scale = Math.max(side, SMALLEST);
     const own = size.map((pixels) => Math.max(1, Math.round(scale * pixels)));
-    const { mode, attribute, time, colors } = this.look;
     const camera = this.orbit ? this.orbit.camera() : (this.start && this.asStarted()) ?? {};
     const format = isMoving && scale < 1 ? "jpeg" : "png";
-    const request = { camera, size: own, mode, attribute, time, colors, error_px: ERROR_PX * (scale / side), format };
+    const request = { ...this.look, camera, size: own, error_px: ERROR_PX * (scale / side), format };
     // Coarse pictures are shown even when they are late: the view would stand still while it moves.
     this.stop = isMoving ? null : new AbortController();
     const begun = performance.now();
@@ -334,7 +333,7 @@ async function begin() {
   if (about.tour != null) more.append(button("tour", () => model.begin()));
   state.remove();
   // What is above and below the picture fits into the window, too.
-  const rest = view.getBoundingClientRect().top + (window.innerWidth < 700 ? 150 : 84);
+  const rest = view.getBoundingClientRect().top + (window.innerWidth < 700 ? 180 : 84);
   const sides = [clamp(window.innerWidth - 24, 240, 1600), clamp(window.innerHeight - rest, 240, 1200)];
   const model = new Model(about, sides.map(Math.round));
   widget.render({ model, el: view });

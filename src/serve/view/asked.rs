@@ -1,7 +1,8 @@
 //! What browsers may ask: a picture or what is at a place. They name no files, and their pictures have a size that is drawn in a moment.
 
 use super::shown::Shown;
-use crate::color::transfer::TransferFunction;
+use crate::color::ColorMap;
+use crate::color::transfer::{Scale, TransferFunction};
 use crate::explore::{Region, Shape};
 use crate::look::CameraConfig;
 use crate::picture::asked::{Asked, AskedProbe, Question};
@@ -41,6 +42,10 @@ pub(super) struct FrameAsked {
     attribute: Option<String>,
     /// Name of a transfer function.
     colors: Option<String>,
+    /// Colour map in place of its own.
+    color_map: Option<ColorMap>,
+    /// How values are placed along it.
+    color_scale: Option<Scale>,
     /// When, of a run.
     time: Option<f64>,
     /// Largest displacement of a particle on screen, pixels.
@@ -99,6 +104,8 @@ impl FrameAsked {
             camera: self.camera,
             error_px: self.error_px.map(|error| error.max(LEAST_ERROR)),
             transfer: self.colors.clone(),
+            color_map: self.color_map.clone(),
+            color_scale: self.color_scale,
             time: self.time.map(|time| time.to_string()),
             memory: Some(shown.memory),
             ..Asked::default()

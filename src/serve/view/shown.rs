@@ -1,9 +1,10 @@
 //! What is shown to visitors, opened once: the data, what it holds, and the scene and the tour beside it.
 
+use crate::color::ColorMap;
 use crate::color::transfer::TransferFunction;
-use crate::command_line::cache::page_file_of;
+use crate::command_line::cache::page_file_with;
 use crate::command_line::progress_bar::{Terminal, TerminalProgress};
-use crate::look::{Backend, Member, MemberKind, SceneFile, data_file};
+use crate::look::{Backend, Member, MemberKind, SceneFile, data_file, said_of_particles};
 use crate::picture::asked::{Failure, about};
 use crate::picture::{AnySession, PictureError, Reporter, SessionOptions};
 use crate::tour::{Show, TourFile};
@@ -46,19 +47,26 @@ pub(super) struct Shown {
 impl Shown {
     pub(super) fn open(options: &ViewOptions) -> Result<Shown, Failure> {
         let path = data_file(&options.path)?;
-        let own = Member::new(&path);
-        let member = match own.kind() {
-            MemberKind::Particles => Member::new(page_file_of(&path, &TerminalProgress::new())?),
-            MemberKind::Field | MemberKind::Heights => own,
-        };
-        let as_it_is = |path: &Path| Ok(path.to_owned());
-        let mut found = about(std::slice::from_ref(&member), as_it_is, &Terminal)?;
+        let mut own = Member::new(&path);
         let scene = options.scene.as_ref().map(|file| -> Result<_, Failure> {
             let scene = SceneFile::read(file)?;
             let text = std::fs::read_to_string(file).map_err(|error| format!("{}: {error}", file.display()))?;
             Ok((file, text, scene))
         });
         let scene = scene.transpose()?;
+        if let Some((file, _, scene)) = &scene {
+            let notes = scene.say_of(file, std::slice::from_mut(&mut own));
+            notes.into_iter().for_each(|note| Terminal.tell(note));
+        }
+        let member = match own.kind() {
+            MemberKind::Particles => {
+                let said = said_of_particles(std::slice::from_ref(&own), &path);
+                Member { path: page_file_with(&path, &said, &TerminalProgress::new())?, ..own }
+            }
+            MemberKind::Field | MemberKind::Heights => own,
+        };
+        let as_it_is = |path: &Path| Ok(path.to_owned());
+        let mut found = about(std::slice::from_ref(&member), as_it_is, &Terminal)?;
         let tour =
             options.tour.as_ref().map(|file| Ok::<_, Failure>((file.clone(), TourFile::read(file)?))).transpose()?;
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
@@ -87,6 +95,7 @@ impl Shown {
         found["bookmarks"] = json!(of_scene.map(|scene| &scene.bookmarks));
         found["mode"] = json!(look.and_then(|look| look.mode).map(|mode| mode.name));
         found["colors"] = json!(TransferFunction::presets().collect::<Vec<_>>());
+        found["color_maps"] = json!(ColorMap::all().map(|map| map.name()).collect::<Vec<_>>());
         found["tour"] = json!(seconds);
         // What the page does not need; notes may name files.
         (found["families"], found["notes"]) = (Value::Null, Value::Null);

@@ -66,12 +66,13 @@ impl Studio {
         self.show = None;
         let asked = asked.asked(&self.shown)?;
         let mut members = [self.shown.member.clone()];
-        let (shot, options) = asked.request(&mut members)?;
+        let (mut shot, options) = asked.request(&mut members, &*self.state)?;
         let mut session = match self.session.take() {
             Some(session) => session,
             None => self.shown.session(options, std::slice::from_ref(&shot), self.state.clone())?,
         };
-        let drawn = drawn(&mut session, &shot);
+        let drawn = asked.recolor(&mut session, &mut shot).map_err(Failure::from);
+        let drawn = drawn.and_then(|()| drawn_of(&mut session, &shot));
         self.session = Some(session);
         let (image, picture, units, ends) = drawn?;
         let mut facts = facts(&picture, &shot, units.as_ref());
@@ -125,7 +126,7 @@ impl Studio {
 /// The picture of a shot, its colours, its units, and the ends of its attribute.
 type Drawn = (Image, Picture, Option<Units>, Option<[f64; 2]>);
 
-fn drawn(session: &mut AnySession, shot: &Shot) -> Result<Drawn, Failure> {
+fn drawn_of(session: &mut AnySession, shot: &Shot) -> Result<Drawn, Failure> {
     let picture = session.draw(shot)?;
     let image = session.finished(shot, &picture)?;
     let (units, ends) = units_and_ends(session, &picture);
@@ -168,7 +169,7 @@ mod tests {
             }
             // Data of all kinds.
             let asked = FrameAsked::default().asked(&shown).unwrap();
-            let (_, options) = asked.request(&mut [shown.member.clone()]).unwrap();
+            let (_, options) = asked.request(&mut [shown.member.clone()], &()).unwrap();
             assert_eq!([options.memory, options.page_memory, options.chunk_memory], [share; 3]);
         }
     }

@@ -2,6 +2,7 @@
 
 use super::{Purpose, name_of};
 use crate::heights::import::height_extensions;
+use crate::import;
 use crate::import::grid::grid_extensions;
 use crate::look::is_scene_file;
 use crate::window::scene_io::first_path;
@@ -12,12 +13,6 @@ use rfd::AsyncFileDialog;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// How files of particles and tables usually end: only their content says what they are, so that any other file can be chosen, too.
-const PARTICLES: [&str; 17] = [
-    "df", "hdf5", "h5", "csv", "tsv", "ecsv", "parquet", "vot", "fits", "ply", "las", "laz", "vtk", "vtp", "vtu",
-    "xyz", "geojson",
-];
-
 /// Nobody cancels a dialog within this time of asking for it: there was none. [`rfd`] tells a dialog that was cancelled from one that could
 /// not be shown in its log alone.
 const NO_DIALOG: Duration = Duration::from_millis(400);
@@ -25,8 +20,8 @@ const NO_DIALOG: Duration = Duration::from_millis(400);
 /// What has come of a dialog.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Made {
-    /// A file was chosen.
-    File(PathBuf),
+    /// A file or a folder was chosen.
+    Chosen(PathBuf),
     /// The dialog was cancelled.
     Nothing,
     /// There is no dialog.
@@ -37,7 +32,7 @@ impl Made {
     /// What an answer after some time means.
     fn of(path: Option<PathBuf>, after: Duration) -> Made {
         match path {
-            Some(path) => Made::File(path),
+            Some(path) => Made::Chosen(path),
             None if after < NO_DIALOG => Made::NoDialog,
             None => Made::Nothing,
         }
@@ -51,8 +46,8 @@ pub(super) struct Choice {
 }
 
 impl Choice {
-    /// Opens a dialog over a window, in the folder of `beside`. On the main thread.
-    pub fn begin(purpose: Purpose, beside: Option<&Path>, window: Option<Entity>) -> Choice {
+    /// Opens a dialog over a window, in the folder of `beside`, to choose what the purpose asks for, or a folder to open. On the main thread.
+    pub fn begin(purpose: Purpose, is_folder: bool, beside: Option<&Path>, window: Option<Entity>) -> Choice {
         let mut dialog = AsyncFileDialog::new();
         if let Some(folder) = beside.and_then(Path::parent).filter(|folder| folder.is_absolute()) {
             dialog = dialog.set_directory(folder);
@@ -63,6 +58,7 @@ impl Choice {
         });
         let begun = Instant::now();
         let made = match purpose {
+            Purpose::Open if is_folder => wait(begun, dialog.set_title("Open a folder").pick_folder()),
             Purpose::Open => {
                 let picked = with_filters(dialog.set_title("Open")).pick_file();
                 wait(begun, picked)
@@ -91,21 +87,20 @@ fn wait(begun: Instant, picked: impl Future<Output = Option<rfd::FileHandle>> + 
     })
 }
 
-/// A dialog with the kinds of files that can be opened.
+/// A dialog with the kinds of files that can be opened. Only their content says what files are, so that all are shown at first: those of some
+/// formats have names that end in nothing of their own.
 fn with_filters(dialog: AsyncFileDialog) -> AsyncFileDialog {
     // There a filter hides all that does not match, and nothing shows the others again.
     if cfg!(target_os = "macos") {
         return dialog;
     }
-    let (grids, heights) = (grid_extensions(), height_extensions());
-    let all: Vec<&str> = PARTICLES.iter().chain(&grids).chain(&heights).copied().chain(["ron"]).collect();
     dialog
-        .add_filter("All that can be opened", &all)
-        .add_filter("Particles and tables", &PARTICLES)
-        .add_filter("Images and volumes", &grids)
-        .add_filter("Heights", &heights)
-        .add_filter("Scenes and tours", &["ron"])
         .add_filter("All files", &["*"])
+        .add_filter("Page files", &["df"])
+        .add_filter("Particles and tables", &import::extensions())
+        .add_filter("Images and volumes", &grid_extensions())
+        .add_filter("Heights", &height_extensions())
+        .add_filter("Scenes and tours", &["ron"])
 }
 
 #[cfg(test)]
@@ -115,7 +110,7 @@ mod tests {
     #[test]
     fn only_a_dialog_that_nobody_saw_is_none() {
         let path = PathBuf::from("/data/a.df");
-        assert_eq!(Made::of(Some(path.clone()), Duration::ZERO), Made::File(path));
+        assert_eq!(Made::of(Some(path.clone()), Duration::ZERO), Made::Chosen(path));
         assert_eq!(Made::of(None, Duration::from_millis(5)), Made::NoDialog);
         assert_eq!(Made::of(None, Duration::from_secs(3)), Made::Nothing);
     }

@@ -21,6 +21,7 @@ pub fn show(ui: &mut Ui, files: &mut Files, saves: bool) {
             }
         };
         entry(ui, "file:open", "Open...", "Ctrl+O", true, Ask::Choose(Purpose::Open));
+        entry(ui, "file:open-folder", "Open folder...", "Ctrl+Shift+O", true, Ask::ChooseFolder);
         entry(ui, "file:type", "Type a path...", "", true, Ask::Type(Purpose::Open));
         if files.has_demo() {
             entry(ui, "file:demo", "Open the demo", "", true, Ask::Demo);

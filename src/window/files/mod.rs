@@ -46,6 +46,8 @@ pub enum Purpose {
 pub enum Ask {
     /// To choose a file in the system's dialog; where there is none, to type its path.
     Choose(Purpose),
+    /// The same with a folder to open, which stands for what is in it.
+    ChooseFolder,
     /// To type the path of a file.
     Type(Purpose),
     /// To have the file that was chosen or typed.
@@ -103,13 +105,14 @@ impl Files {
     }
 }
 
-/// Ctrl+O and Ctrl+Shift+S.
+/// Ctrl+O, Ctrl+Shift+O and Ctrl+Shift+S.
 pub(super) fn take_keys(keys: Res<ButtonInput<KeyCode>>, owner: Res<PointerOwner>, mut files: ResMut<Files>) {
     if !is_control(&keys) || !owner.keyboard_is_free() {
         return;
     }
     match (is_shift(&keys), keys.just_pressed(KeyCode::KeyO), keys.just_pressed(KeyCode::KeyS)) {
         (false, true, _) => files.asked = Some(Ask::Choose(Purpose::Open)),
+        (true, true, _) => files.asked = Some(Ask::ChooseFolder),
         (true, _, true) => files.asked = Some(Ask::Choose(Purpose::SaveAs)),
         _ => {}
     }
@@ -147,7 +150,7 @@ pub(super) fn carry_out(
     if let Some((purpose, made)) = files.choice.as_mut().and_then(Choice::made) {
         files.choice = None;
         match made {
-            Made::File(path) => files.asked = Some(Ask::Use(purpose, path)),
+            Made::Chosen(path) => files.asked = Some(Ask::Use(purpose, path)),
             Made::Nothing => {}
             Made::NoDialog => {
                 if !std::mem::replace(&mut files.lacks_dialogs, true) {
@@ -158,6 +161,7 @@ pub(super) fn carry_out(
         }
     }
     let Some(ask) = files.asked.take() else { return };
+    let is_folder = ask == Ask::ChooseFolder;
     let saves = matches!(
         ask,
         Ask::Choose(Purpose::SaveAs) | Ask::Type(Purpose::SaveAs) | Ask::Use(Purpose::SaveAs, _) | Ask::Save
@@ -168,14 +172,16 @@ pub(super) fn carry_out(
     }
     match ask {
         Ask::Choose(purpose) if files.lacks_dialogs => files.typed = Some(Typed::new(purpose)),
+        Ask::ChooseFolder if files.lacks_dialogs => files.typed = Some(Typed::new(Purpose::Open)),
         // One dialog at a time.
-        Ask::Choose(_) if files.choice.is_some() => {}
-        Ask::Choose(purpose) => {
+        Ask::Choose(_) | Ask::ChooseFolder if files.choice.is_some() => {}
+        Ask::Choose(_) | Ask::ChooseFolder => {
+            let purpose = if saves { Purpose::SaveAs } else { Purpose::Open };
             let window = windows.single().ok().map(|(entity, _)| entity);
             let begin = scene.as_ref().map(|scene| scene.path.as_path());
             let begin = scene_files.path.as_deref().or(begin);
             let begin = begin.or(files.recent.files().first().map(|known| known.path.as_path()));
-            files.choice = Some(Choice::begin(purpose, begin, window));
+            files.choice = Some(Choice::begin(purpose, is_folder, begin, window));
         }
         Ask::Type(purpose) => files.typed = Some(Typed::new(purpose)),
         Ask::Use(Purpose::Open, path) => {
@@ -241,6 +247,25 @@ mod tests {
     }
 
     #[test]
+    fn files_and_folders_are_asked_for_by_keys() {
+        let mut app = App::new();
+        app.init_resource::<Files>().init_resource::<PointerOwner>().add_systems(Update, take_keys);
+        let [control, shift] = [KeyCode::ControlLeft, KeyCode::ShiftLeft];
+        for (keys, asked) in [
+            (vec![KeyCode::KeyO], None),
+            (vec![control, KeyCode::KeyO], Some(Ask::Choose(Purpose::Open))),
+            (vec![control, shift, KeyCode::KeyO], Some(Ask::ChooseFolder)),
+            (vec![control, shift, KeyCode::KeyS], Some(Ask::Choose(Purpose::SaveAs))),
+        ] {
+            let mut input = ButtonInput::<KeyCode>::default();
+            keys.iter().for_each(|key| input.press(*key));
+            app.insert_resource(input);
+            app.update();
+            assert_eq!(app.world_mut().resource_mut::<Files>().asked.take(), asked, "{keys:?}");
+        }
+    }
+
+    #[test]
     fn the_demo_and_typed_files_are_asked_for_and_a_scene_is_saved_only_where_something_is_open() {
         let mut app = App::new();
         let demo: Demo = Arc::new(|| Ok("/cache/demo.hdf5".into()));
@@ -271,8 +296,10 @@ mod tests {
         };
         assert_eq!(wanted(Ask::Demo).0, Some(Wanted("/cache/demo.hdf5".into())));
         assert_eq!(wanted(Ask::Use(Purpose::Open, "a.df".into())).0, Some(Wanted("a.df".into())));
-        let (_, typed, _) = wanted(Ask::Choose(Purpose::Open));
-        assert!(typed.is_some_and(|typed| typed.purpose == Purpose::Open), "there are no dialogs");
+        for ask in [Ask::Choose(Purpose::Open), Ask::ChooseFolder] {
+            let (_, typed, _) = wanted(ask);
+            assert!(typed.is_some_and(|typed| typed.purpose == Purpose::Open), "there are no dialogs");
+        }
         let (_, typed, notices) = wanted(Ask::Choose(Purpose::SaveAs));
         assert!(typed.is_none() && notices == ["nothing is open: there is no scene to save"], "{notices:?}");
     }

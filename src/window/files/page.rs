@@ -59,6 +59,10 @@ fn contents(ui: &mut Ui, hovered: bool, files: &mut Files) {
         if theme::button(ui, "page:open", "Open...", true, "Chooses a file (Ctrl+O)") {
             asked = Some(Ask::Choose(Purpose::Open));
         }
+        let help = "Chooses a folder: of a simulation, a catalogue, slices or the parts of a table (Ctrl+Shift+O)";
+        if theme::button(ui, "page:open-folder", "Open folder...", true, help) {
+            asked = Some(Ask::ChooseFolder);
+        }
         if theme::button(ui, "page:type", "Type a path...", true, "Opens a file by its path") {
             asked = Some(Ask::Type(Purpose::Open));
         }

@@ -209,6 +209,19 @@ fn progress(ui: &mut Ui, progress: &SharedProgress) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::explore::{Region, SelectionSet};
+    use crate::look::{Bookmark, Camera};
+    use crate::modes;
+    use crate::window::look::follow_settings;
+    use crate::window::looking::LookingPlugin;
+    use crate::window::looking::prober::Prober;
+    use crate::window::objects::Objects;
+    use crate::window::scene_io::Bookmarks;
+    use crate::window::state::plots::PlotChoice;
+    use crate::window::touring::player::tests::Window;
+    use bevy::ecs::system::RunSystemOnce;
+    use bevy_egui::egui::accesskit::Action;
+    use std::sync::Arc;
 
     #[test]
     fn the_desktop_preset_names_every_section_and_none_sends_users_to_the_source() {
@@ -244,6 +257,65 @@ mod tests {
             said.len() == 1 && said[0].starts_with("panel.closed: found attic, expected some of data, "),
             "{said:?}"
         );
+    }
+
+    /// Those who hear the window instead of seeing it are told of every control that the keyboard reaches, whatever the mode.
+    #[test]
+    fn what_the_keyboard_reaches_in_the_panels_has_a_name() {
+        let mut window = Window::new();
+        window
+            .app
+            .add_plugins((PanelPlugin, LookingPlugin))
+            .insert_resource(Openings::new(Arc::new(|_, _, _| Err("no data".to_owned()))))
+            .init_resource::<Closed>()
+            .init_resource::<Shown>()
+            .init_resource::<Objects>()
+            .init_resource::<PlotChoice>()
+            .init_resource::<History>()
+            .init_resource::<Files>()
+            .init_resource::<Paths>()
+            .init_resource::<Comparison>()
+            .init_resource::<Exposure>()
+            .init_resource::<TransferPresets>()
+            .init_resource::<Statistics>()
+            .init_resource::<Converged>()
+            .init_resource::<FrameClock>();
+        let camera = Camera { eye: [0.0; 3], target: [1.0; 3], up: [0.0, 1.0, 0.0], fov: 45.0, ortho: None };
+        let bookmark = Bookmark { key: 1, name: "near".to_owned(), camera };
+        window.app.insert_resource(Bookmarks(vec![bookmark]));
+        let ctx = egui::Context::default();
+        ctx.enable_accesskit();
+        theme::apply(&ctx);
+        let world = window.app.world_mut();
+        world.resource_mut::<Notices>().error("a message");
+        let set = SelectionSet::new("cluster", Region::whole(), 0);
+        world.resource_mut::<Prober>().members = Some(set.members.clone());
+        world.resource_mut::<Settings>().selections.push(set);
+        for mode in modes::all() {
+            world.resource_mut::<Settings>().choose_mode(mode);
+            world.remove_resource::<Look>();
+            world.run_system_once(follow_settings).unwrap();
+            let own = ctx.clone();
+            let draw = move |mut panel: PanelState| {
+                let screen_rect = Some(egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(800.0, 6000.0)));
+                let mut output = own.run_ui(egui::RawInput { screen_rect, ..egui::RawInput::default() }, |ui| {
+                    ui.columns(2, |docks| {
+                        panel.show(&mut docks[0], Dock::Left);
+                        panel.show(&mut docks[1], Dock::Right);
+                    });
+                });
+                // Nobody draws them.
+                output.textures_delta.clear();
+                output.platform_output.accesskit_update.unwrap().nodes
+            };
+            let nodes = world.run_system_once(draw).unwrap();
+            let reached = nodes.iter().map(|(_, node)| node).filter(|node| node.supports_action(Action::Focus));
+            let (named, nameless): (Vec<_>, Vec<_>) = reached.partition(|node| {
+                node.label().is_some_and(|name| !name.trim().is_empty()) || !node.labelled_by().is_empty()
+            });
+            assert!(nameless.is_empty(), "{}: {nameless:#?} among {:?}", mode.name, theme::take_controls(&ctx));
+            assert!(named.len() > 20, "{}: {} controls", mode.name, named.len());
+        }
     }
 
     #[test]

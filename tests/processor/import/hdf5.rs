@@ -159,6 +159,67 @@ fn a_virtual_file_stands_for_the_files_with_the_particles() {
 }
 
 #[test]
+fn a_virtual_file_says_where_the_files_with_the_particles_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let parts = folder.path().join("parts");
+    let direct = open(&data("arepo.0.hdf5")).unwrap();
+    let positions = |source: &dyn Source| read_all(source, 0, "position", 11);
+    for name in ["virtual.hdf5", "virtual_latest.hdf5"] {
+        let path = folder.path().join(name);
+        std::fs::copy(data(name), &path).unwrap();
+        let text = message(&open(&path).err().unwrap(), &path);
+        assert!(text.contains("./parts/arepo.0.hdf5: missing"), "{text}");
+        std::fs::create_dir(&parts).unwrap();
+        for part in ["arepo.0.hdf5", "arepo.1.hdf5"] {
+            std::fs::copy(data(part), parts.join(part)).unwrap();
+        }
+        let source = open(&path).unwrap();
+        assert_eq!(source.description().particles(), 80);
+        assert_eq!(positions(source.as_ref()), positions(direct.as_ref()));
+        // One that leads to it is opened where it is itself.
+        #[cfg(unix)]
+        {
+            std::fs::create_dir(folder.path().join("elsewhere")).unwrap();
+            let link = folder.path().join("elsewhere").join(name);
+            std::os::unix::fs::symlink(&path, &link).unwrap();
+            assert_eq!(open(&link).unwrap().description().particles(), 80);
+            std::fs::remove_dir_all(folder.path().join("elsewhere")).unwrap();
+        }
+        // A virtual file in place of a part leads nowhere, least of all back to itself.
+        std::fs::copy(&path, parts.join("arepo.0.hdf5")).unwrap();
+        let text = message(&open(&path).err().unwrap(), &parts.join("arepo.0.hdf5"));
+        assert!(text.contains("Header/Virtual: found 1"), "{text}");
+        std::fs::remove_dir_all(&parts).unwrap();
+    }
+}
+
+#[test]
+fn damaged_virtual_files_give_particles_or_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("parts")).unwrap();
+    for part in ["arepo.0.hdf5", "arepo.1.hdf5"] {
+        std::fs::copy(data(part), folder.path().join("parts").join(part)).unwrap();
+    }
+    for name in ["virtual.hdf5", "virtual_latest.hdf5"] {
+        let whole = std::fs::read(data(name)).unwrap();
+        let path = folder.path().join(name);
+        let check = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).unwrap();
+            match open(&path) {
+                Ok(source) => assert!(source.description().particles() > 0),
+                Err(error) => assert!(!error.to_string().contains(['\n', '\r']), "{error}"),
+            }
+        };
+        (0..whole.len()).step_by(101).for_each(|length| check(&whole[..length]));
+        for at in (0..whole.len()).step_by(7) {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 0xff;
+            check(&bytes);
+        }
+    }
+}
+
+#[test]
 fn a_file_of_several_that_stands_alone_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("arepo.0.hdf5");

@@ -1,10 +1,11 @@
 //! Damaged files of every format: no panic, no particle that cannot be drawn, an error of one line.
 
 use super::writers::file;
-use super::{data, las, message, phantom, ply, vtk_points};
-use deepfield::import::{LoadOptions, load, summarize};
+use super::{data, las, light_cones, message, phantom, ply, vtk_points};
+use crate::support::gzip;
+use deepfield::import::{LoadOptions, files_of, load, summarize};
 use proptest::prelude::*;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Opens and loads whatever the bytes are, and looks at what comes out.
 fn survives(folder: &Path, bytes: &[u8]) -> Result<(), TestCaseError> {
@@ -85,12 +86,78 @@ macro_rules! hostile {
     )*};
 }
 
+/// Names and bytes of the files of one source.
+type Files = Vec<(&'static str, Vec<u8>)>;
+
+/// Writes files into a folder and gives its path.
+fn written(folder: &Path, files: &[(&str, Vec<u8>)]) -> PathBuf {
+    let source = folder.join("hostile");
+    for (name, bytes) in files {
+        let path = source.join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+    source
+}
+
+/// Sources of several files, any one of which is damaged.
+macro_rules! hostile_files {
+    ($($name:ident: $files:expr;)*) => {$(
+        mod $name {
+            use super::*;
+
+            #[test]
+            fn undamaged() {
+                let folder = tempfile::tempdir().unwrap();
+                let files: Files = $files;
+                let source = written(folder.path(), &files);
+                assert!(files_of(&source).unwrap().len() > 1);
+                load(&source, &LoadOptions::default(), &()).unwrap();
+            }
+
+            proptest! {
+                #![proptest_config(crate::cases::cases(128))]
+
+                #[test]
+                fn overwritten(which in any::<prop::sample::Index>(), mutations in mutations()) {
+                    let folder = tempfile::tempdir().unwrap();
+                    let mut files: Files = $files;
+                    let which = which.index(files.len());
+                    mutate(&mut files[which].1, &mutations);
+                    survives_at(&written(folder.path(), &files))?;
+                }
+
+                #[test]
+                fn shortened(
+                    which in any::<prop::sample::Index>(),
+                    at in 0.0..1.0f64,
+                    mutations in prop::option::of(mutations()),
+                ) {
+                    let folder = tempfile::tempdir().unwrap();
+                    let mut files: Files = $files;
+                    let which = which.index(files.len());
+                    let bytes = &mut files[which].1;
+                    mutate(bytes, &mutations.unwrap_or_default());
+                    bytes.truncate((at * bytes.len() as f64) as usize);
+                    survives_at(&written(folder.path(), &files))?;
+                }
+            }
+        }
+    )*};
+}
+
 fn bytes_of(name: &str) -> Vec<u8> {
     std::fs::read(data(name)).unwrap()
 }
 
 pub(super) fn gadget(format: u32) -> Vec<u8> {
+    gadget_file(format, 1)
+}
+
+/// One of several files, which are all alike.
+fn gadget_file(format: u32, files: u32) -> Vec<u8> {
     use crate::import::writers::{GadgetStyle, Particles, gadget};
+    const COUNTS: [usize; 6] = [60, 40, 0, 0, 20, 1];
     let style = GadgetStyle {
         big_endian: format == 1,
         format,
@@ -104,8 +171,7 @@ pub(super) fn gadget(format: u32) -> Vec<u8> {
         ids: (0..count as u64).collect(),
         masses: vec![1.5; count],
     };
-    let families = [60, 40, 0, 0, 20, 1].map(particles);
-    gadget(style, &families, [60, 40, 0, 0, 20, 1], 1)
+    gadget(style, &COUNTS.map(particles), COUNTS.map(|count| count as u32 * files), files)
 }
 
 pub(super) fn tipsy() -> Vec<u8> {
@@ -128,14 +194,40 @@ hostile! {
     ply_text: ply::sample(ply::Coding::Text);
     ply_binary: ply::sample(ply::Coding::Big);
     las_points: las::sample();
+    las_copc: bytes_of("others/copclib.copc.laz");
     phantom_dump: phantom::sample();
     vtk_text: vtk_points::sample(vtk_points::Coding::LegacyText);
     vtk_binary: vtk_points::sample(vtk_points::Coding::LegacyBinary);
     vtk_compressed: vtk_points::sample(vtk_points::Coding::XmlZlib { inline: false });
+    vtk_raw: vtk_points::sample(vtk_points::Coding::XmlRaw { wide: true, big: true });
+    vtk_lz4: bytes_of("others/vtk-lz4.vtp");
     hdf5_contiguous: bytes_of("gas_sphere_collapse_025.hdf5");
     hdf5_deflated: bytes_of("emitter_000.hdf5");
     hdf5_newest: bytes_of("gizmo.hdf5");
     hdf5_swift: bytes_of("swift.hdf5");
+    hdf5_columns: bytes_of("velociraptor.hdf5");
+    hdf5_light_cone: light_cones::sample(1);
+    hdf5_records: bytes_of("others/h5py-records.hdf5");
+    hdf5_table: bytes_of("others/pandas-blocks.h5");
+    parquet_lists: bytes_of("others/pyarrow-plain.parquet");
+}
+
+hostile_files! {
+    gadget_files: vec![("snap.0", gadget_file(2, 2)), ("snap.1", gadget_file(2, 2))];
+    hdf5_files: ["arepo.0.hdf5", "arepo.1.hdf5"].map(|name| (name, bytes_of(name))).into();
+    light_cone_files: ["cone.0.hdf5", "cone.1.hdf5"].map(|name| (name, light_cones::sample(2))).into();
+    csv_files: vec![("a.csv", table()), ("b.csv.gz", gzip(&table())), ("c.csv", table())];
+    ecsv_files: ["a.ecsv", "b.ecsv"].map(|name| (name, bytes_of("others/astropy.ecsv"))).into();
+    fits_files: ["a.fits", "b.fits"].map(|name| (name, bytes_of("others/astropy.fits"))).into();
+    votable_files: ["a.vot", "b.vot"].map(|name| (name, bytes_of("others/astropy-binary2.vot"))).into();
+    parquet_files: ["a.parquet", "b.parquet"].map(|name| (name, bytes_of("table.parquet"))).into();
+    hats_files: [
+        ("properties", "hats/properties"),
+        ("dataset/Norder=0/Dir=0/Npix=4.parquet", "hats/dataset/Norder=0/Dir=0/Npix=4.parquet"),
+        ("dataset/Norder=1/Dir=0/Npix=20/part0.parquet", "hats/dataset/Norder=1/Dir=0/Npix=20/part0.parquet"),
+    ]
+    .map(|(name, from)| (name, bytes_of(from)))
+    .into();
 }
 
 /// One mass of the header's table that is finite in double precision and infinite in single precision, which particles have.

@@ -1,6 +1,7 @@
 //! Import across formats: what is written comes back, real files give their known numbers, damaged ones a clear error.
 
 mod compressed;
+mod endings;
 mod expansion;
 mod folders;
 mod gadget;

@@ -113,8 +113,31 @@ const SAMPLES: &[Sample] = &[
     },
     Sample { files: &["astropy.fits"], format: "fits", velocity_unit: Some("km s-1"), ..TABLE },
     Sample { files: &["astropy.ecsv"], format: "ecsv", velocity_unit: Some("km / s"), ..TABLE },
+    Sample { files: &["astropy-vectors.fits"], format: "fits", velocity_unit: Some("km s-1"), ..TABLE },
+    Sample { files: &["astropy-vectors.ecsv"], format: "ecsv", velocity_unit: Some("km / s"), ..TABLE },
+    Sample { files: &["astropy-vectors.parquet"], format: "parquet", velocity_unit: Some("km / s"), ..TABLE },
+    Sample { files: &["astropy-vectors.hdf5"], format: "hdf5", velocity_unit: Some("km / s"), ..TABLE },
     Sample {
-        files: &["astropy-tabledata.vot", "astropy-binary.vot", "astropy-binary2.vot"],
+        files: &["pandas-blocks.h5", "pandas-columns.h5", "tables.h5", "h5py-records.hdf5"],
+        format: "hdf5",
+        length_unit: "",
+        ..TABLE
+    },
+    Sample {
+        files: &["pyarrow-fixed.parquet", "pyarrow-plain.parquet"],
+        format: "parquet",
+        length_unit: "",
+        scalars: &[("temperature", "K", temperature)],
+        ..TABLE
+    },
+    Sample {
+        files: &[
+            "astropy-tabledata.vot",
+            "astropy-binary.vot",
+            "astropy-binary2.vot",
+            "astropy-vectors-tabledata.vot",
+            "astropy-vectors-binary2.vot",
+        ],
         format: "votable",
         velocity_unit: Some("km.s**-1"),
         ..TABLE

@@ -2,7 +2,7 @@
 
 use super::writers::file;
 use super::{message, read_all};
-use deepfield::import::{FieldKind, LoadOptions, load, open, summarize};
+use deepfield::import::{FieldKind, LoadOptions, files_of, load, open, summarize};
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use proptest::prelude::*;
@@ -100,7 +100,7 @@ fn base64(bytes: &[u8]) -> String {
     bytes.chunks(3).flat_map(quartet).collect()
 }
 
-fn xml(points: &[Point], coding: Coding) -> Vec<u8> {
+fn xml(pieces: &[&[Point]], coding: Coding) -> Vec<u8> {
     let (wide, big) = match coding {
         Coding::XmlRaw { wide, big } => (wide, big),
         _ => (false, false),
@@ -142,19 +142,25 @@ fn xml(points: &[Point], coding: Coding) -> Vec<u8> {
             format!("format=\"appended\" offset=\"{at}\"/>")
         }
     };
-    let [position, velocity, mass, id] = arrays(points, big);
-    let (position, velocity, mass, id) = (data(&position), data(&velocity), data(&mass), data(&id));
-    let head = format!(
-        "<?xml version=\"1.0\"?>\n<VTKFile header_type=\"{}\" type=\"UnstructuredGrid\" byte_order=\"{}\"{}>\n<UnstructuredGrid>\n\
-         <Piece NumberOfPoints=\"{}\" NumberOfCells=\"0\">\n<PointData>\n\
+    let mut piece = |points: &[Point]| {
+        let [position, velocity, mass, id] = arrays(points, big);
+        let (position, velocity, mass, id) = (data(&position), data(&velocity), data(&mass), data(&id));
+        format!(
+            "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"0\">\n<PointData>\n\
          <DataArray type=\"Float32\" Name=\"Velocity\" NumberOfComponents=\"3\" {velocity}\n\
          <DataArray type=\"Float32\" Name=\"mass\" {mass}\n<DataArray type=\"UInt32\" Name=\"id\" {id}\n</PointData>\n<CellData/>\n\
          <Points>\n<DataArray type=\"Float64\" Name=\"Points\" NumberOfComponents=\"3\" {position}\n</Points>\n\
-         <Cells>\n<DataArray type=\"Int32\" Name=\"offsets\" format=\"ascii\"></DataArray>\n</Cells>\n</Piece>\n</UnstructuredGrid>\n",
+         <Cells>\n<DataArray type=\"Int32\" Name=\"offsets\" format=\"ascii\"></DataArray>\n</Cells>\n</Piece>\n",
+            points.len()
+        )
+    };
+    let pieces: String = pieces.iter().map(|points| piece(points)).collect();
+    let head = format!(
+        "<?xml version=\"1.0\"?>\n<VTKFile header_type=\"{}\" type=\"UnstructuredGrid\" byte_order=\"{}\"{}>\n<UnstructuredGrid>\n\
+         {pieces}</UnstructuredGrid>\n",
         if wide { "UInt64" } else { "UInt32" },
         if big { "BigEndian" } else { "LittleEndian" },
-        if matches!(coding, Coding::XmlZlib { .. }) { " compressor=\"vtkZLibDataCompressor\"" } else { "" },
-        points.len()
+        if matches!(coding, Coding::XmlZlib { .. }) { " compressor=\"vtkZLibDataCompressor\"" } else { "" }
     );
     let encoding = if matches!(coding, Coding::XmlRaw { .. }) { "raw" } else { "base64" };
     let tail = format!("<AppendedData encoding=\"{encoding}\">\n").into_bytes();
@@ -165,7 +171,7 @@ fn vtk(points: &[Point], coding: Coding) -> Vec<u8> {
     match coding {
         Coding::LegacyText => legacy(points, true),
         Coding::LegacyBinary => legacy(points, false),
-        _ => xml(points, coding),
+        _ => xml(&[points], coding),
     }
 }
 
@@ -201,6 +207,103 @@ proptest! {
             let mut ids = vec![0; points.len()];
             source.read_ids(0, info.find(FieldKind::Id).unwrap(), 0..points.len() as u64, &mut ids).unwrap();
             prop_assert_eq!(ids, points.iter().map(|point| u64::from(point.3)).collect::<Vec<_>>());
+        }
+    }
+}
+
+/// Points by their numbers.
+fn numbered(numbers: std::ops::Range<u8>) -> Vec<Point> {
+    numbers
+        .map(|i| ([f64::from(i), 0.5, 2.0], [1.0, f32::from(i), 0.0], 1.0 + f32::from(i), u32::from(i) + 7))
+        .collect()
+}
+
+/// A file that names others with the pieces.
+fn parallel(sources: &[&str]) -> Vec<u8> {
+    let pieces: String = sources.iter().map(|source| format!("<Piece Source=\"{source}\"/>\n")).collect();
+    format!("<VTKFile type=\"PUnstructuredGrid\">\n<PUnstructuredGrid>\n{pieces}</PUnstructuredGrid>\n</VTKFile>\n")
+        .into_bytes()
+}
+
+#[test]
+fn pieces_are_read_one_behind_the_other_in_a_file_and_in_those_that_it_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = numbered(0..9);
+    for coding in CODINGS.into_iter().filter(|coding| !matches!(coding, Coding::LegacyText | Coding::LegacyBinary)) {
+        let pieces = xml(&[&all[..4], &[], &all[4..5], &all[5..]], coding);
+        let one = file(folder.path(), "pieces.vtu", &pieces);
+        // The second is in another coding, byte order and size of headers.
+        let first = xml(&[&all[..4]], coding);
+        file(folder.path(), "a & b.vtu", &first);
+        file(folder.path(), "second.vtu", &xml(&[&[], &all[4..]], Coding::XmlRaw { wide: true, big: true }));
+        let several = file(folder.path(), "points.pvtu", &parallel(&["a &amp; b.vtu", "./second.vtu"]));
+        for (path, files) in [(&one, 1), (&several, 3)] {
+            let source = open(path).unwrap_or_else(|error| panic!("{coding:?}: {error}"));
+            assert_eq!((source.description().files, source.description().particles()), (files, 9));
+            for step in [1, 2, 9] {
+                let masses: Vec<f64> = (1..10).map(f64::from).collect();
+                assert_eq!(read_all(source.as_ref(), 0, "mass", step), masses, "{coding:?}");
+                let position: Vec<f64> = all.iter().flat_map(|point| point.0).collect();
+                assert_eq!(read_all(source.as_ref(), 0, "position", step), position, "{coding:?}");
+            }
+            let mut ids = vec![0; 9];
+            let id = source.description().families[0].find(FieldKind::Id).unwrap();
+            source.read_ids(0, id, 0..9, &mut ids).unwrap();
+            assert_eq!(ids, (7..16).collect::<Vec<u64>>());
+        }
+        assert_eq!(files_of(&several).unwrap().len(), 3);
+        // In a folder they are one source.
+        let case = folder.path().join("case");
+        std::fs::create_dir_all(&case).unwrap();
+        file(&case, "case_0.vtu", &first);
+        file(&case, "case_1.vtu", &xml(&[&all[4..]], coding));
+        file(&case, "case.pvtu", &parallel(&["case_0.vtu", "case_1.vtu"]));
+        assert_eq!(open(&case).unwrap().description().particles(), 9);
+        // Also where one process wrote all.
+        let alone = folder.path().join("alone");
+        std::fs::create_dir_all(&alone).unwrap();
+        file(&alone, "alone_0.vtu", &pieces);
+        file(&alone, "alone.pvtu", &parallel(&["alone_0.vtu"]));
+        assert_eq!(open(&alone).unwrap().description().particles(), 9);
+        // None of the pieces that a cut file lacks is missing in silence.
+        for length in (0..pieces.len()).step_by(5) {
+            let path = file(folder.path(), "cut", &pieces[..length]);
+            match summarize(&path) {
+                Ok(summary) => assert_eq!(summary.particles, 9, "{coding:?}, {length} bytes"),
+                Err(error) => drop(message(&error, &path)),
+            }
+        }
+    }
+}
+
+#[test]
+fn pieces_that_do_not_belong_together_are_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let coding = Coding::XmlText;
+    let points = numbered(0..3);
+    let file = |name: &str, bytes: &[u8]| file(folder.path(), name, bytes);
+    file("a.vtu", &xml(&[&points], coding));
+    file("b.vtu", String::from_utf8_lossy(&xml(&[&points], coding)).replace("\"mass\"", "\"m\"").as_bytes());
+    file("c.vti", b"<VTKFile type=\"ImageData\"></VTKFile>");
+    let whole = parallel(&["a.vtu"]);
+    for (sources, expected) in [
+        (&["a.vtu", "b.vtu"][..], "points.pvtu: arrays of piece 2 with points: found"),
+        (&["a.vtu", "./a.vtu"][..], "points.pvtu: Source: found ./a.vtu, expected each file once"),
+        (&["points.pvtu"][..], "points.pvtu: Source: found points.pvtu, expected a file with"),
+        (&["c.vti"][..], "points.pvtu: Source: found c.vti, expected a file with"),
+        (&["nothing.vtu"][..], "points.pvtu: Source: found nothing.vtu ("),
+        (&["."][..], "points.pvtu: Source: found . (no file), expected"),
+        (&[] as &[&str], "points.pvtu"),
+    ] {
+        let path = file("points.pvtu", &parallel(sources));
+        let text = message(&open(&path).err().unwrap(), &path);
+        assert!(text.contains(expected), "{text}");
+    }
+    for length in 0..whole.len() {
+        let path = file("points.pvtu", &whole[..length]);
+        match open(&path) {
+            Ok(source) => assert_eq!(source.description().particles(), 3, "{length} bytes"),
+            Err(error) => drop(message(&error, &path)),
         }
     }
 }

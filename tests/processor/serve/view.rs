@@ -108,6 +108,11 @@ fn visitors_get_the_pictures_that_files_have() {
         picked["values"]["P"].as_f64().unwrap() > 0.0 && picked["probe"]["count"].as_u64().unwrap() > 0,
         "{picked}"
     );
+    let grey =
+        house.post("/view/frame", &own, &json!({ "size": [90, 60], "color_map": "grey", "color_scale": "linear" }));
+    assert_eq!(grey.status, 200, "{}", grey.text());
+    std::fs::write(&browser, &grey.body).unwrap();
+    assert!(picture_at(&browser).rgba.iter().all(|[red, _, blue, _]| red.abs_diff(*blue) <= 2));
     let coarse = house.post("/view/frame", &own, &json!({ "size": [90, 60], "format": "jpeg", "colors": "grey" }));
     assert_eq!((coarse.header("content-type"), &coarse.body[..2]), ("image/jpeg", &[0xff, 0xd8][..]));
 }
@@ -156,6 +161,7 @@ fn what_no_visitor_may_ask_is_refused_in_words() {
         (json!({ "size": [4096, 4096] }), 422, "size: found 4096 x 4096"),
         (json!({ "size": [0, 10] }), 422, "size"),
         (json!({ "colors": "/etc/passwd.ron" }), 422, "colors"),
+        (json!({ "color_map": "none-such" }), 400, "no colour map `none-such`"),
         (json!({ "mode": "none-such" }), 422, "mode: found none-such"),
         (json!({ "attribute": "none-such" }), 422, "none-such"),
         (json!({ "time": 3.0 }), 422, "time"),

@@ -2,8 +2,8 @@
 //!
 //! - `cargo demo [ARGUMENTS]` starts deepfield (with no arguments: the demo dataset), without a display as a program that
 //!   has no windows and compiles no Bevy;
-//! - `cargo test-all [--long] [ARGUMENTS]` runs every test, those of the Python package too where no arguments choose some; with `--long`,
-//!   property tests try new cases, and many.
+//! - `cargo test-all [--long] [ARGUMENTS]` runs what each change has to pass, those of the Python package too; with arguments, the tests that
+//!   they choose. With `--long` the tests that take longest run as well (`.config/nextest.toml`), and property tests try new cases, and many.
 //!
 //! Both first see to what cargo cannot install: on a Debian-like Linux, the packages that a [`Requirement`] names. Nothing is
 //! installed without saying so; on a terminal, not without asking.
@@ -93,6 +93,7 @@ fn is_named(variable: &str) -> bool {
 
 fn test(arguments: &[String]) -> Result<u8, String> {
     let (arguments, cases) = property_tests(arguments);
+    let is_long = !cases.is_empty();
     see_to(&DRAWING.iter().chain(&WINDOW).chain(&VIRTUAL_DISPLAY).collect::<Vec<_>>())?;
     // Tests over the reference data are marked as ignored; they run where the data is.
     let data = std::env::var_os("DEEPFIELD_DATA").map_or_else(|| root().join("../shared/data"), PathBuf::from);
@@ -105,6 +106,10 @@ fn test(arguments: &[String]) -> Result<u8, String> {
     command.env("DEEPFIELD_DATA", &data).envs(cases);
     if has_nextest.is_ok_and(|status| status.success()) {
         command.args(["nextest", "run", "--locked", "--workspace", "--no-fail-fast"]).args(&arguments);
+        if arguments.is_empty() && !is_long {
+            println!("The tests that take longest run with --long only.");
+            command.args(["--profile", "each-change"]);
+        }
         if has_data {
             command.args(["--run-ignored", "all"]);
         }

@@ -63,6 +63,8 @@ pub(super) struct Memory {
     pub on_disk: u64,
     /// For buckets while they are built.
     buckets: u64,
+    /// Bytes that are held meanwhile, at most, without the program.
+    held: u64,
     /// For one particle of them.
     bucket_particle: u64,
     allowed: u64,
@@ -84,9 +86,12 @@ impl Memory {
         let particle = particle_bytes(attributes);
         let bucket_particle = BUCKET_PARTICLE + BUCKET_ATTRIBUTE * attributes as u64;
         let bucket = bucket_particle * (most as u64).min(count);
-        let rest = beside(allowed, buckets as u64 * HELD_BUCKET);
+        let known = buckets as u64 * HELD_BUCKET;
+        let rest = beside(allowed, known);
         let waiting = most_waiting(rest, particle, buckets);
-        let rest = rest.saturating_sub(waiting.min(count * while_waiting(particle)));
+        let all_waiting = count * while_waiting(particle);
+        let rest = rest.saturating_sub(waiting.min(all_waiting));
+        let held = known + longest_waiting(particle, buckets).min(all_waiting);
         let workers = (rayon::current_num_threads() as u64).min((rest / 2) / bucket.max(1)).max(1);
         let building = (workers * bucket).min(rest);
         let room = room(rest - building);
@@ -99,7 +104,7 @@ impl Memory {
             // The output itself comes on top.
             check_room(&folder, on_disk + OUTPUT_PARTICLE * count, out)?;
         }
-        Ok(Memory { folder, particles, waiting, nodes, on_disk, buckets: rest, bucket_particle, allowed })
+        Ok(Memory { folder, particles, waiting, nodes, on_disk, buckets: rest, held, bucket_particle, allowed })
     }
 
     /// Shares out what a task of a job may take for a family with so many attributes, beside bytes that it holds whatever that is. What it hands
@@ -113,6 +118,7 @@ impl Memory {
             nodes: rest / 4,
             on_disk: 0,
             buckets: rest,
+            held,
             bucket_particle: BUCKET_PARTICLE + BUCKET_ATTRIBUTE * attributes as u64,
             allowed,
         }
@@ -226,7 +232,7 @@ impl Memory {
             return Err(BuildError::Memory {
                 path: out.to_owned(),
                 what: format!("one cell with {largest} particles"),
-                needed: needed.div_ceil(1 << 20),
+                needed: with_program(needed.saturating_add(self.held)).div_ceil(1 << 20),
                 allowed: self.allowed,
             });
         }
@@ -237,6 +243,11 @@ impl Memory {
 /// Bytes that are left of what a process may take beside the program and bytes that it holds whatever that is.
 fn beside(allowed: u64, held: u64) -> u64 {
     allowed.saturating_sub(BASE.min(allowed / 3).saturating_add(held))
+}
+
+/// Bytes that a process must be allowed to take so that as many are left beside the program.
+fn with_program(bytes: u64) -> u64 {
+    bytes.saturating_add(BASE.min(bytes / 2))
 }
 
 /// Bytes that work may use of those that are left: a fifth is for the allocator's gaps.
@@ -253,7 +264,12 @@ fn while_waiting(particle: u64) -> u64 {
 /// where there is room.
 fn most_waiting(rest: u64, particle: u64, buckets: usize) -> u64 {
     let one_each = particle * buckets as u64;
-    (rest / 2).clamp(SHORTEST_RUN * one_each, RUN as u64 * one_each)
+    (rest / 2).clamp(SHORTEST_RUN * one_each, longest_waiting(particle, buckets))
+}
+
+/// The same where there is room for whole runs.
+fn longest_waiting(particle: u64, buckets: usize) -> u64 {
+    RUN as u64 * particle * buckets as u64
 }
 
 /// Particles that the nodes of all trees draw for each source particle, about.
@@ -353,6 +369,23 @@ mod tests {
     fn samples_of_what_was_found_are_counted() {
         let scale = |allowed: u64| Memory::left(allowed, Memory::found(953_674, 2), ("stage scale", Path::new("")));
         assert!(scale(12 << 30).is_err() && scale(16 << 30).is_ok());
+    }
+
+    /// Also where the program's share is as large as it gets.
+    #[test]
+    fn what_is_said_to_be_needed_for_a_bucket_is_enough_and_not_much_less_is() {
+        for (particles, buckets, attributes) in [(1 << 20, 8, 0), (1 << 20, 9, 5), (1 << 17, 1, 1), (1 << 20, 2, 0)] {
+            let largest = particles as usize / buckets;
+            let of = |memory: u64| {
+                let options = BuildOptions { memory: Some(memory), ..BuildOptions::default() };
+                let planned = Memory::plan(&options, Path::new("huge.df"), particles, attributes, largest, buckets);
+                planned.unwrap().workers(largest, Path::new("huge.df"))
+            };
+            let Err(BuildError::Memory { needed, allowed, .. }) = of(16 << 20) else { panic!("{largest} in 16 MiB") };
+            assert!(allowed == 16 << 20 && needed > 16, "{needed} MiB");
+            assert_eq!(of(needed << 20).unwrap(), 1);
+            assert!(of((needed << 20) / 10 * 9).is_err(), "{needed} MiB");
+        }
     }
 
     #[test]

@@ -218,6 +218,8 @@ impl<'a> Build<'a> {
         out: &'a Path,
         progress: &'a dyn Progress,
     ) -> Result<Build<'a>, BuildError> {
+        // A source of text has been read by now, which asks nobody.
+        progress.go_on();
         let writer = PageFileWriter::create(out)?;
         Ok(Build {
             options,
@@ -260,6 +262,8 @@ impl<'a> Build<'a> {
             outline.derived(found);
         }
         let scaling = outline.scaling();
+        // 2 MB for each column, which nothing else asks for.
+        drop(outline.survey.take_samples());
         let (rules, octree) = (outline.rules(), outline.octree(octree));
         let context = Context { root, options: &octree, rules: &rules };
 

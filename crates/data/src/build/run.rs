@@ -48,7 +48,7 @@ impl RunBuild<'_> {
     /// When a source, or a still that is there, cannot be read, or the file not be written. Nothing is left behind then, and a file that was
     /// there before stays as it was.
     pub fn build(&self, run: Run, out: &Path, progress: &dyn Progress) -> Result<BuiltRun, BuildError> {
-        alone(self.options, out, || self.build_here(run, out, progress))
+        alone(self.options, out, || self.build_here(run, out, &|| Ok(()), progress))
     }
 
     /// Builds the run file `out` of particles that are traced through the velocity field in `files`.
@@ -64,7 +64,7 @@ impl RunBuild<'_> {
     ) -> Result<BuiltRun, BuildError> {
         alone(self.options, out, || {
             let run = trace(files, trace_options, self.options.read, progress)?;
-            self.build_here(run, out, progress)
+            self.build_here(run, out, &|| Ok(()), progress)
         })
     }
 
@@ -73,8 +73,14 @@ impl RunBuild<'_> {
         LoadOptions { without: run.left_out.clone(), ..of_step(self.load, step, &run.steps) }
     }
 
-    /// [`RunBuild::build`] by the threads that it is called by.
-    pub(super) fn build_here(&self, run: Run, out: &Path, progress: &dyn Progress) -> Result<BuiltRun, BuildError> {
+    /// [`RunBuild::build`] by the threads that it is called by. `may_end` says in the end whether the file may get its name.
+    pub(super) fn build_here(
+        &self,
+        run: Run,
+        out: &Path,
+        may_end: &dyn Fn() -> Result<(), BuildError>,
+        progress: &dyn Progress,
+    ) -> Result<BuiltRun, BuildError> {
         let RunBuild { options, tracks, skip_damaged, .. } = *self;
         run.notes.iter().for_each(|note| progress.say(&format!("note: {note}")));
         let mut writer = RunFileWriter::create(out)?;
@@ -151,6 +157,7 @@ impl RunBuild<'_> {
         }
         // The last moment at which nothing has the file's name.
         progress.go_on();
+        may_end()?;
         let bytes = writer.finish(&directory)?;
         Ok(BuiltRun { directory, bytes, temporary_bytes })
     }

@@ -179,13 +179,14 @@ impl Survey {
         }
     }
 
-    fn with(mut self, next: Survey) -> Survey {
+    fn with(mut self, mut next: Survey) -> Survey {
         self.count += next.count;
         self.bounds = self.bounds.union(next.bounds);
         self.checksum = self.checksum.wrapping_add(next.checksum);
         self.ranges.iter_mut().zip(next.ranges).for_each(|(own, next)| *own = own.with(next));
-        self.positions.extend(next.positions);
-        self.columns.iter_mut().zip(next.columns.iter()).for_each(|(own, next)| own.extend(next));
+        append(&mut self.positions, next.positions);
+        let columns = self.columns.iter_mut().zip(next.columns.iter_mut());
+        columns.for_each(|(own, next)| append(own, std::mem::take(next)));
         self
     }
 
@@ -301,6 +302,15 @@ fn check(stream: &dyn ParticleStream, chunk: &Chunk) -> Result<(), BuildError> {
         return Err(error("position", "coordinates between -1e150 and 1e150"));
     }
     Ok(())
+}
+
+/// Puts values behind others; the first ones are not copied, as there may be many and no others.
+fn append<T>(own: &mut Vec<T>, next: Vec<T>) {
+    if own.is_empty() {
+        *own = next;
+    } else {
+        own.extend(next);
+    }
 }
 
 /// A family's column that is not what it should be.

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 const USUAL: [&str; 5] = ["velocity-dispersion", "temperature", "internal-energy", "magnitude", "color-index"];
 
 /// What tells kinds of particles apart; kept beside the usual ones.
-const KINDS: [&str; 3] = ["atomic-number", "particle-type", "species"];
+pub(super) const KINDS: [&str; 3] = ["atomic-number", "particle-type", "species"];
 
 /// How many runs of values, evenly spread, are looked at to tell whether single precision holds an attribute.
 const LOOKED_AT: usize = 8;

@@ -88,7 +88,7 @@ impl ImportError {
     ) -> ImportError {
         ImportError::Malformed {
             path: path.into(),
-            field: field.into(),
+            field: in_one_line(field.into()),
             found: found.to_string(),
             expected: expected.into(),
         }
@@ -102,6 +102,11 @@ impl ImportError {
 
     /// An [`ImportError::Missing`].
     pub fn missing(path: &Path, field: impl Into<String>, expected: impl Into<String>) -> ImportError {
-        ImportError::Missing { path: path.into(), field: field.into(), expected: expected.into() }
+        ImportError::Missing { path: path.into(), field: in_one_line(field.into()), expected: expected.into() }
     }
+}
+
+/// A field's name, of which a damaged file may have made anything.
+fn in_one_line(field: String) -> String {
+    if field.contains(char::is_control) { field.replace(char::is_control, "?") } else { field }
 }

@@ -1,9 +1,9 @@
 //! A folder in the place of a file: which file of it is meant.
 
-use super::format::{Head, format_of, open_file};
+use super::format::{Head, files_of_opened, format_of, open_file};
 use super::grid::is_stack;
 use super::table::{catalogue_in, same_columns};
-use super::{Description, ImportError, multifile};
+use super::{Description, ImportError};
 use crate::model::ReadMethod;
 use crate::model::url::{is_url, refused, shown};
 use std::ffi::OsStr;
@@ -60,7 +60,7 @@ pub fn file_in(path: &Path, others: &[OtherKind]) -> Result<PathBuf, ImportError
         match open_file(&claimant.path, ReadMethod::Positioned) {
             Ok(source) => {
                 let about = source.description();
-                let files = multifile::names(&about.path, about.files as u64)?;
+                let files = files_of_opened(about)?;
                 claimants.retain(|other| !files.contains(&other.path));
                 // A file without particles of its own stands for others, which may have been found before.
                 if !found.iter().any(|(path, _)| files.contains(path)) {

@@ -1,7 +1,7 @@
 //! The formats that can be imported, each recognised by its content.
 
 use super::packed::Packing;
-use super::{ImportError, Source, UnpackedOnce};
+use super::{Description, ImportError, Source, UnpackedOnce};
 use crate::model::ReadMethod;
 use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
@@ -11,6 +11,11 @@ use std::sync::{OnceLock, PoisonError, RwLock};
 pub trait Format: Sync {
     /// The format's name in messages.
     fn name(&self) -> &'static str;
+
+    /// How its files usually end, without the dot. Formats whose files end in nothing of their own leave this as it is.
+    fn extensions(&self) -> &'static [&'static str] {
+        &[]
+    }
 
     /// Whether a file that begins with `head` (up to [`HEAD`] bytes, the whole file if it is shorter) and is `length`
     /// bytes long claims to be of this format. Damaged files may be recognised; [`Format::open`] finds the damage.
@@ -107,6 +112,17 @@ pub fn names() -> String {
     formats().iter().map(|format| format.name()).collect::<Vec<_>>().join(", ")
 }
 
+/// How files of particles and tables usually end, those that are compressed too, each once and without dots.
+pub fn extensions() -> Vec<&'static str> {
+    let mut found: Vec<&str> = Vec::new();
+    for extension in formats().iter().flat_map(|format| format.extensions()).chain(&Packing::EXTENSIONS) {
+        if !found.contains(extension) {
+            found.push(extension);
+        }
+    }
+    found
+}
+
 /// What names the formats of data that other crates read.
 static BEYOND: OnceLock<fn() -> String> = OnceLock::new();
 
@@ -200,6 +216,14 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
     let (file, _) = super::step_name::parts(&path);
     let _held = UnpackedOnce::of(file);
     format_at(file)?.files(file)
+}
+
+/// The files that an opened source is read from.
+///
+/// # Errors
+/// As [`files_of`], of a source in several files.
+pub(super) fn files_of_opened(about: &Description) -> Result<Vec<PathBuf>, ImportError> {
+    if about.files > 1 { files_of(&about.path) } else { Ok(vec![about.path.clone()]) }
 }
 
 /// How many steps the source at `path` holds; a step in a file is one.

@@ -53,11 +53,14 @@ pub use derived::derivable;
 pub use error::ImportError;
 pub use find_source::find_source;
 pub use folder::{OtherKind, file_in, is_one_table};
-pub use format::{Format, HEAD, files_of, formats, name_beyond, names, open, open_with, register, steps_in};
+pub use format::{
+    Format, HEAD, extensions, files_of, formats, name_beyond, names, open, open_with, register, steps_in,
+};
 pub use grid::voxels;
 pub use grid::{GridOptions, GridSource, grid_format, open_grid, summarize_grid};
 pub use hdf5::{Hdf5Column, Hdf5Tables};
 pub use load::{AttributeChoice, DEFAULT_NEIGHBOURS, LoadOptions, Smoothing, load, load_source};
+pub use multifile::names as names_of_parts;
 pub use rows::{FamilyRows, Scalar};
 pub use run::{Run, RunOptions, RunStep, Times, open_run, sources_of};
 pub use source::{Description, FamilyInfo, Field, FieldKind, Source};

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 ///
 /// # Errors
 /// [`ImportError`] when a file of several has no number in its name, or one of them is not there.
-pub(super) fn names(path: &Path, files: u64) -> Result<Vec<PathBuf>, ImportError> {
+pub fn names(path: &Path, files: u64) -> Result<Vec<PathBuf>, ImportError> {
     if files <= 1 {
         return Ok(vec![path.into()]);
     }

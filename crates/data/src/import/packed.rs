@@ -18,6 +18,9 @@ pub(super) enum Packing {
 }
 
 impl Packing {
+    /// How compressed files usually end, without the dot.
+    pub(super) const EXTENSIONS: [&str; 2] = ["gz", "zst"];
+
     /// How a file that begins so is compressed; `None` where it is not.
     pub(super) fn of(head: &[u8]) -> Option<Packing> {
         match head {

@@ -37,6 +37,10 @@ impl Format for Ply {
         "PLY points"
     }
 
+    fn extensions(&self) -> &'static [&'static str] {
+        &["ply"]
+    }
+
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
         head.starts_with(b"ply\n") || head.starts_with(b"ply\r")
     }

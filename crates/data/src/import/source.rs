@@ -192,6 +192,16 @@ pub trait Source: Send + Sync {
     /// [`ImportError`] when the file cannot be read there or its content is damaged, or the range does not exist.
     fn read(&self, family: usize, field: usize, range: Range<u64>, out: &mut [f64]) -> Result<(), ImportError>;
 
+    /// Says that all particles of some fields of a family are about to be read, maybe more than once. What takes long to read in ranges may be
+    /// brought to where it does not when one of these fields is read.
+    fn announce(&self, _family: usize, _fields: &[usize]) {}
+
+    /// The row behind those that are at hand once a field of the row `row` is, where one field takes as long to read as all: who reads many fields
+    /// is to read all of them up to there before any goes on. `None` where each is read for itself.
+    fn at_hand_until(&self, _family: usize, _row: u64) -> Option<u64> {
+        None
+    }
+
     /// Reads the particles `range` of field `field`, which is one of ids, into `out`, exactly to all 64 bits. Formats that hold
     /// whole numbers as such, or as text, read them so; what holds them as floats has no ids above 2^53.
     ///

@@ -58,6 +58,8 @@ pub fn streams<'a>(
         }
         let attributes = planned.iter().map(|planned| (planned.name.clone(), planned.unit.clone())).collect();
         planned.extend(inputs);
+        let fields = planned.iter().map(|planned| planned.field).chain(chosen.smoothing_length);
+        source.announce(index, &fields.collect::<Vec<usize>>());
         families.push(SourceStream {
             source,
             family: index,

@@ -6,6 +6,7 @@ use super::{Description, FamilyInfo, Field, ImportError, Smoothing, Source};
 use crate::model::{Bounds, FamilyName, Skipped};
 use rayon::prelude::*;
 use serde::Serialize;
+use std::ops::Range;
 use std::path::Path;
 
 /// A number for a scalar field, one for each component of a vector field.
@@ -113,9 +114,10 @@ struct Running {
 impl Running {
     const NOTHING: Running = Running { min: f64::INFINITY, max: f64::NEG_INFINITY, sum: 0.0, count: 0 };
 
-    fn of(values: &[f64], component: usize, components: usize) -> Running {
+    /// The same with one component of further values.
+    fn with(self, values: &[f64], component: usize, components: usize) -> Running {
         let column = values[component..].iter().step_by(components).copied().filter(|value| value.is_finite());
-        column.fold(Running::NOTHING, |running, value| Running {
+        column.fold(self, |running, value| Running {
             min: running.min.min(value),
             max: running.max.max(value),
             sum: running.sum + value,
@@ -133,21 +135,45 @@ impl Running {
     }
 }
 
-/// Statistics of one field: the chunks are read in parallel and added up in order, so that sums do not depend on the
-/// number of threads.
-fn running(source: &dyn Source, family: usize, field: usize, count: u64) -> Result<Vec<Running>, ImportError> {
-    let components = source.description().families[family].fields[field].components;
-    let chunks: Result<Vec<Vec<Running>>, ImportError> = chunks(count)
-        .into_par_iter()
-        .map_init(Vec::new, |buffer: &mut Vec<f64>, range| {
-            buffer.resize((range.end - range.start) as usize * components, 0.0);
-            source.read(family, field, range, buffer)?;
-            Ok((0..components).map(|component| Running::of(buffer, component, components)).collect())
-        })
-        .collect();
-    let nothing = vec![Running::NOTHING; components];
-    Ok(chunks?.iter().fold(nothing, |all, chunk| all.iter().zip(chunk).map(|(a, b)| a.and(*b)).collect()))
+/// Statistics of fields, of their components one behind the other: the chunks are read in parallel and added up in order, so that sums do not
+/// depend on the number of threads, nor on what of a chunk is read together.
+fn running(
+    source: &dyn Source,
+    family: usize,
+    info: &FamilyInfo,
+    fields: Range<usize>,
+) -> Result<Vec<Running>, ImportError> {
+    let nothing = vec![Running::NOTHING; info.fields[fields.clone()].iter().map(|field| field.components).sum()];
+    let of_range = |buffer: &mut Vec<f64>, range: &Range<u64>| -> Result<Vec<Running>, ImportError> {
+        let mut all = nothing.clone();
+        let mut at = range.start;
+        while at < range.end {
+            let end = source.at_hand_until(family, at).map_or(range.end, |end| end.clamp(at + 1, range.end));
+            let mut sums = all.iter_mut();
+            for field in fields.clone() {
+                let components = info.fields[field].components;
+                buffer.resize((end - at) as usize * components, 0.0);
+                source.read(family, field, at..end, buffer)?;
+                for (component, sum) in sums.by_ref().take(components).enumerate() {
+                    *sum = sum.with(buffer, component, components);
+                }
+            }
+            at = end;
+        }
+        Ok(all)
+    };
+    let mut all = nothing.clone();
+    for some in chunks(info.count).chunks(CHUNKS) {
+        let read: Result<Vec<Vec<Running>>, ImportError> = some.par_iter().map_init(Vec::new, of_range).collect();
+        for chunk in read? {
+            all.iter_mut().zip(chunk).for_each(|(sum, of_chunk)| *sum = sum.and(of_chunk));
+        }
+    }
+    Ok(all)
 }
+
+/// Chunks of which statistics are held before they are added up.
+const CHUNKS: usize = 1024;
 
 fn statistic(running: &[Running], value: impl Fn(&Running) -> f64) -> Statistic {
     match running {
@@ -162,15 +188,23 @@ fn summarize_family(
     info: &FamilyInfo,
     survey: &Survey,
 ) -> Result<FamilySummary, ImportError> {
+    let numbers = 0..info.fields.len();
+    let at_once = if source.at_hand_until(index, 0).is_some() { numbers.len().max(1) } else { 1 };
+    let mut all = Vec::new();
+    for first in numbers.clone().step_by(at_once) {
+        all.extend(running(source, index, info, first..numbers.end.min(first + at_once))?);
+    }
+    let mut rest = all.as_slice();
     let mut fields = Vec::with_capacity(info.fields.len());
-    for (number, field) in info.fields.iter().enumerate() {
-        let running = running(source, index, number, info.count)?;
+    for field in &info.fields {
+        let (running, others) = rest.split_at(field.components);
+        rest = others;
         let values: u64 = running.iter().map(|component| component.count).sum();
         fields.push(FieldSummary {
             about: field.clone(),
-            min: statistic(&running, |component| component.min),
-            max: statistic(&running, |component| component.max),
-            mean: statistic(&running, |component| component.sum / component.count as f64),
+            min: statistic(running, |component| component.min),
+            max: statistic(running, |component| component.max),
+            mean: statistic(running, |component| component.sum / component.count as f64),
             non_finite: info.count * field.components as u64 - values,
         });
     }

@@ -81,6 +81,10 @@ impl Format for Tipsy {
         "Tipsy"
     }
 
+    fn extensions(&self) -> &'static [&'static str] {
+        &["tipsy", "std"]
+    }
+
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
         Header::parse(head).is_some()
     }

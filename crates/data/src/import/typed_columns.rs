@@ -458,7 +458,7 @@ fn each<'a, const N: usize, T: 'a>(
 }
 
 /// Puts the numbers of a column into `out`, as `of` has them.
-fn decode<'a>(column: &Column, raw: &[u8], out: impl Iterator<Item = &'a mut f64>, of: impl Fn(f64) -> f64) {
+pub(super) fn decode<'a>(column: &Column, raw: &[u8], out: impl Iterator<Item = &'a mut f64>, of: impl Fn(f64) -> f64) {
     match column.number {
         SampleType::I8 => each(column, raw, out, |b| of(i8::from_le_bytes(b).into())),
         SampleType::U8 => each(column, raw, out, |b| of(u8::from_le_bytes(b).into())),
@@ -474,7 +474,7 @@ fn decode<'a>(column: &Column, raw: &[u8], out: impl Iterator<Item = &'a mut f64
 }
 
 /// Puts the whole numbers of a column into `out`. Negative ones become what their bits mean without a sign.
-fn whole<'a>(column: &Column, raw: &[u8], out: impl Iterator<Item = &'a mut u64>) {
+pub(super) fn whole<'a>(column: &Column, raw: &[u8], out: impl Iterator<Item = &'a mut u64>) {
     match column.number.size() {
         1 => each(column, raw, out, |b| u8::from_le_bytes(b).into()),
         2 => each(column, raw, out, |b| u16::from_le_bytes(b).into()),

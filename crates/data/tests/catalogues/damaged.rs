@@ -73,14 +73,17 @@ proptest! {
     /// Whatever is written over a file, it is an error of one line or another table, all of which can be read.
     #[test]
     fn damaged_catalogues_are_errors_or_other_catalogues(
-        which in 0..5usize, packing in 0..3usize, cut in 0.3..1.5f64,
+        which in 0..10usize, packing in 0..3usize, cut in 0.3..1.5f64,
         changes in prop::collection::vec((0.0..1.0f64, 0.0..4.0f64, any::<u8>()), 1..12),
     ) {
         let folder = tempfile::tempdir().unwrap();
-        let names = ["catalogue.fits", "catalogue.vot", "catalogue2.vot", "catalogue.ecsv.zst", "table.parquet"];
-        let name = names[which];
-        // Rows of one are read in place, and so is their damage found.
-        let (in_place, cut) = (which == 4, if which == 4 { cut.max(1.0) } else { cut });
+        let parsed = ["catalogue.fits", "catalogue.vot", "catalogue2.vot", "catalogue.ecsv.zst", "others/astropy-vectors.ecsv"];
+        let columns = ["table.parquet", "others/pyarrow-fixed.parquet", "others/pyarrow-plain.parquet"];
+        let records = ["others/h5py-records.hdf5", "others/tables.h5"];
+        let name = [&parsed[..], &columns[..], &records[..]].concat()[which];
+        // Rows of some are read in place, and so is their damage found.
+        let in_place = which >= parsed.len();
+        let cut = if in_place { cut.max(1.0) } else { cut };
         let packing = if in_place { 0 } else { packing };
         let mut bytes = bytes_of(name);
         // Damage within what is compressed as well as of the compressed.
@@ -104,7 +107,7 @@ proptest! {
         }
         let path = file(folder.path(), "damaged", &bytes);
         let one_line = |error: String| assert!(!error.contains('\n') && error.contains("damaged"), "{error}");
-        for format in formats().into_iter().filter(|format| ["FITS table", "VOTable", "ECSV table", "Parquet table"].contains(&format.name())) {
+        for format in formats().into_iter().filter(|format| ["FITS table", "VOTable", "ECSV table", "Parquet table", "HDF5 snapshot"].contains(&format.name())) {
             match format.open(&path, ReadMethod::default()) {
                 Ok(source) => {
                     let family = &source.description().families[0];

@@ -1,4 +1,4 @@
-//! Catalogues as FITS tables, VOTable, ECSV, ASCII tables and Parquet: files that were written from the standards byte by byte, or by another
+//! Catalogues as FITS tables, VOTable, ECSV, ASCII tables, Parquet and records in HDF5: files that were written from the standards byte by byte, or by another
 //! library, hold what they should, plain and compressed, alone and as parts of one table, and damaged ones are errors that name the file.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
@@ -9,7 +9,9 @@ mod formats;
 mod ids;
 mod parquet;
 mod parts;
+mod records;
 mod separated;
+mod vectors;
 
 use deepfield_data::import::{FieldKind, Source, open};
 use flate2::{Compression, write::GzEncoder};

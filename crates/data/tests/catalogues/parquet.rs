@@ -173,3 +173,32 @@ fn of_a_collection_of_catalogues_the_primary_one_is_read() {
         assert!(told.ends_with(&expected), "{told}");
     }
 }
+
+/// One that LSDB wrote, with the orders of partitions mixed: each star is read once, whatever margins repeat of them.
+#[test]
+fn a_collection_of_another_library_holds_each_star_once() {
+    let folder = data("hats_collection");
+    let source = open(&folder).unwrap();
+    let about = source.description();
+    assert_eq!((&*about.format, about.files, about.particles(), &*about.length_unit.0), ("hats", 6, 60, "pc"));
+    let told = |text: &str| about.notes.iter().any(|note| note.contains(text));
+    assert!(told("left out: name") && !told("60 rows"), "{:?}", about.notes);
+    // Partitions are in another order than the stars, which their ids tell.
+    let stars: Vec<u64> = ids_of(&folder).into_iter().map(|id| (id - (1 << 60)) / 7).collect();
+    let mut sorted = stars.clone();
+    sorted.sort_unstable();
+    assert!(sorted.into_iter().eq(0..60), "{stars:?}");
+    let ra = |star: u64| 40.0 + (7 * star % 60) as f64 / 2.0;
+    let dec = |star: u64| star as f64 / 2.0 - 15.0;
+    assert_same(&values(&*source, "ra"), stars.iter().map(|star| ra(*star)), "ra");
+    assert_same(&values(&*source, "dec"), stars.iter().map(|star| dec(*star)), "dec");
+    let magnitude = stars.iter().map(|star| 10.0 + 0.125 * *star as f64);
+    assert_same(&values(&*source, "magnitude"), magnitude, "magnitude");
+    let places = values(&*source, "position");
+    for (star, place) in stars.iter().zip(places.as_chunks::<3>().0) {
+        let far = 1000.0 / (4 + star % 5) as f64;
+        let (ra, dec) = (ra(*star).to_radians(), dec(*star).to_radians());
+        let expected = far * glam::DVec3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
+        assert!(glam::DVec3::from_array(*place).distance(expected) < 1e-9 * far, "{star}: {place:?}");
+    }
+}

@@ -47,7 +47,7 @@ mod sourced;
 pub use batch::{Batch, Gather, Uncertain, Work};
 pub use binned::{Binned, BinnedAxis, BinnedError, Weight, binned};
 pub use bins::edges;
-pub use catalogue::{Catalogue, Object};
+pub use catalogue::{Catalogue, Object, Property, files_of_catalogue, sphere_at};
 pub use center::{Center, CenterSums, center};
 pub use data::{Data, FieldAbout, source_of};
 pub use error::ExploreError;

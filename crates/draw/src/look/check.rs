@@ -1,6 +1,6 @@
 //! Values of a scene that are of the right type and make no sense all the same.
 
-use super::{Camera, ERRORS_PX, LookPatch, SceneFile, VERSION, VERSION_TIME};
+use super::{Camera, DatasetRef, ERRORS_PX, LookPatch, SceneFile, VERSION, VERSION_TIME};
 use crate::model::ron_file::RonError;
 use crate::model::ron_place::Place;
 use crate::view::Stereo;
@@ -23,26 +23,10 @@ pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), Ron
         return Err(place.refuse(&["datasets"], found, expected));
     }
     for dataset in &scene.datasets {
-        if !dataset.offset.iter().all(|x| x.is_finite()) {
-            return Err(place.refuse(&["datasets", "offset"], format!("{:?}", dataset.offset), "finite numbers"));
-        }
-        if let Some(own) = &dataset.own_look {
-            let look = LookPatch {
-                mode: own.mode,
-                settings: own.settings.clone(),
-                attribute: own.attribute.clone(),
-                transfer: own.transfer.clone(),
-                ..LookPatch::default()
-            };
-            let refuse = |path: &[&str], found, expected| {
-                let path: Vec<&str> = ["datasets", "look"].iter().chain(path).copied().collect();
-                place.refuse(&path, found, expected)
-            };
-            look.check(look.mode_of_settings(), ERRORS_PX, &refuse)?;
-        }
-        if let Some(scale) = dataset.scale.filter(|scale| !(1e-30..=1e30).contains(scale)) {
-            return Err(place.refuse(&["datasets", "scale"], scale, "a positive number, 1e-30 to 1e30"));
-        }
+        check_dataset(dataset, &|path: &[&str], found: String, expected: String| {
+            let path: Vec<&str> = ["datasets"].iter().chain(path).copied().collect();
+            place.refuse(&path, found, expected)
+        })?;
     }
     let refuse = |path: &[&str], found, expected| place.refuse(path, found, expected);
     scene.look.check(scene.look.mode_of_settings(), ERRORS_PX, &refuse)?;
@@ -79,6 +63,34 @@ pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), Ron
             }
             check(from, file, text)?;
         }
+    }
+    Ok(())
+}
+
+/// Checks what types cannot of a dataset. `refuse` makes the error of a field by its path, of what was found and what is expected.
+///
+/// # Errors
+/// The first mistake.
+pub(crate) fn check_dataset<E>(dataset: &DatasetRef, refuse: &dyn Fn(&[&str], String, String) -> E) -> Result<(), E> {
+    if !dataset.offset.iter().all(|x| x.is_finite()) {
+        return Err(refuse(&["offset"], format!("{:?}", dataset.offset), "finite numbers".into()));
+    }
+    if let Some(own) = &dataset.own_look {
+        let look = LookPatch {
+            mode: own.mode,
+            settings: own.settings.clone(),
+            attribute: own.attribute.clone(),
+            transfer: own.transfer.clone(),
+            ..LookPatch::default()
+        };
+        let refuse = |path: &[&str], found: String, expected: String| {
+            let path: Vec<&str> = ["look"].iter().chain(path).copied().collect();
+            refuse(&path, found, expected)
+        };
+        look.check(look.mode_of_settings(), ERRORS_PX, &refuse)?;
+    }
+    if let Some(scale) = dataset.scale.filter(|scale| !(1e-30..=1e30).contains(scale)) {
+        return Err(refuse(&["scale"], scale.to_string(), "a positive number, 1e-30 to 1e30".into()));
     }
     Ok(())
 }

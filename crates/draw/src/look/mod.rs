@@ -10,6 +10,7 @@ pub mod page_cache;
 
 mod check;
 mod film;
+mod json;
 mod mix;
 mod open_data;
 mod overwriting;
@@ -19,8 +20,10 @@ mod said;
 mod shot;
 mod text;
 
+pub(crate) use check::check_dataset;
 pub use dataset::{DatasetRef, Fingerprint, Located, OwnLook};
 pub use film::Film;
+pub use json::{OfRun, of_json};
 pub use members::{Member, MemberKind, check_derived, said_of_particles, say, shown_families};
 pub use mix::{mix, mix_time};
 pub use open_data::{DataKind, OpenData, data_file, is_field, one_snapshot};

@@ -22,13 +22,14 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// The path of a page file for `path`: itself if it is one or a run of them, else one in the cache's folder, built first unless it is there
 /// already; and what had to go for it. What is said of heights goes into theirs, what is derived for particles into theirs, and each way to say it
-/// has a file of its own.
+/// has a file of its own. `memory` is what a build may take, bytes; its usual share where nothing is said.
 ///
 /// # Errors
 /// When the source cannot be read or the page file not be written, or a page file lacks what is to be derived.
 pub fn page_file(
     path: &Path,
     said: &HeightsSaid,
+    memory: Option<u64>,
     folder: impl FnOnce() -> Result<PathBuf, std::io::Error>,
     progress: &dyn Progress,
 ) -> Result<(PathBuf, Option<Removed>), Failure> {
@@ -58,10 +59,10 @@ pub fn page_file(
     let built = cached.with_extension("new.df");
     if of_heights {
         let (heights, _) = OpenHeights::for_pictures(path, &said.options(ReadMethod::default()))?;
-        heights.build(&HeightBuildOptions::default(), &built, progress)?;
+        heights.build(&HeightBuildOptions { memory, ..HeightBuildOptions::default() }, &built, progress)?;
     } else {
         let load_options = LoadOptions { derive: said.derive.clone(), ..LoadOptions::default() };
-        build_source(path, &load_options, &build_options(), &built, progress)?;
+        build_source(path, &load_options, &build_options(memory), &built, progress)?;
     }
     put_in_place(&built, &cached, is_there)?;
     let removed = prune(&folder, stated.unwrap_or_else(|| default_budget(&folder)), &cached)?;
@@ -112,8 +113,9 @@ fn check_derived(path: &Path, kind: DataKind, derive: &[DerivedQuantity]) -> Res
 }
 
 /// How page files in the cache are built: all that a window shows of them.
-fn build_options() -> BuildOptions {
+fn build_options(memory: Option<u64>) -> BuildOptions {
     BuildOptions {
+        memory,
         hierarchies: Kinds::of([&OCTREE, &PCA]),
         clusters_from: CLUSTERS_FROM,
         exact_below: FEW_PARTICLES,
@@ -406,7 +408,7 @@ mod tests {
             std::fs::create_dir(cache).unwrap();
         }
         let built = |cache: &Path, progress: &dyn Progress| {
-            page_file(&source, &HeightsSaid::default(), || Ok(cache.to_owned()), progress).unwrap().0
+            page_file(&source, &HeightsSaid::default(), None, || Ok(cache.to_owned()), progress).unwrap().0
         };
         let from = built(&own, &());
         let to = shared.join(from.file_name().unwrap());

@@ -10,7 +10,6 @@ use crate::explore::ExploreError;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::mode::setting::SettingError;
 use crate::mode::{Mode, PathSettings, PathsOf, Setting, SettingValue, Settings, lod_budget};
-use crate::model::ron_file::RonError;
 use crate::model::{FamilyName, When};
 use crate::modes;
 use crate::view::CutSettings;
@@ -340,12 +339,12 @@ impl LookPatch {
     ///
     /// # Errors
     /// The first mistake.
-    pub fn check(
+    pub fn check<E>(
         &self,
         mode: &Mode,
         errors_px: RangeInclusive<f64>,
-        refuse: &dyn Fn(&[&str], String, String) -> RonError,
-    ) -> Result<(), RonError> {
+        refuse: &dyn Fn(&[&str], String, String) -> E,
+    ) -> Result<(), E> {
         let in_map = |map: &'static str| {
             move |error: SettingError| match error {
                 SettingError::Unknown { mode, name, expected } => {

@@ -1,12 +1,13 @@
 //! A picture as a user writes it in RON: the file that `deepfield render --config` reads.
 
-use super::{Attribute, LookPatch, define_look_text, with_look_fields};
+use super::{Attribute, LookPatch, OfRun, define_look_text, of_json, with_look_fields};
 use crate::color::transfer::TransferFunction;
 use crate::model::FamilyName;
 use crate::model::ron_file::{self, RonError};
 use crate::model::ron_place::Place;
 use crate::view::{Stereo, Surround};
 use serde::Deserialize;
+use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
 /// A picture's settings; what is left out keeps its default, and what the command line names overrides it.
@@ -26,7 +27,7 @@ pub struct PictureConfig {
     /// Where the camera stands.
     pub camera: CameraConfig,
     /// How directions become a picture: flat, dome(aperture: 180.0, tilt: 0.0), equirectangular or cube(layout: cross).
-    pub projection: Surround,
+    pub projection: Option<Surround>,
     /// A picture for each eye.
     pub stereo: Option<Stereo>,
     /// A catalogue whose objects are named in the picture.
@@ -56,7 +57,7 @@ with_look_fields!(
         #[serde(default)]
         camera: CameraConfig,
         #[serde(default)]
-        projection: Surround,
+        projection: Option<Surround>,
         #[serde(default)]
         stereo: Option<Stereo>,
         #[serde(default)]
@@ -122,21 +123,63 @@ impl PictureConfig {
     pub fn parse(file: &str, text: &str) -> Result<PictureConfig, RonError> {
         let config: PictureConfig = ron_file::parse(file, text)?;
         let place = Place { file, text };
-        let refuse = |path: &[&str], found, expected| place.refuse(path, found, expected);
-        let any = f64::MIN_POSITIVE..=f64::MAX;
-        config.look.check(config.look.mode_of_settings(), any, &refuse)?;
-        for (field, value) in [("fov", config.camera.fov), ("ortho", config.camera.ortho)] {
+        config.check(&|path: &[&str], found: String, expected: String| place.refuse(path, found, expected))?;
+        Ok(config)
+    }
+
+    /// Reads fields in JSON. Of a variant whose fields are all left out the name is enough.
+    ///
+    /// # Errors
+    /// A sentence that begins with the field.
+    pub fn of_json(fields: &Map<String, Value>) -> Result<PictureConfig, String> {
+        let mut said = Value::Object(fields.clone());
+        let of_run = OfRun::take(&mut said)?;
+        let mut config = PictureConfig::default();
+        for (name, value) in said.as_object().into_iter().flatten() {
+            let read: Result<PictureConfig, String> = of_json(&json!({ name: value })).or_else(|error| match value {
+                Value::String(variant) => of_json(&json!({ name: { variant: {} } })).map_err(|_| error),
+                _ => Err(error),
+            });
+            config = config.then(read?);
+        }
+        of_run.give(&mut config.look);
+        config.check(&|path: &[&str], found: String, expected: String| {
+            format!("{}: found {found}, expected {expected}", path.join(": "))
+        })?;
+        Ok(config)
+    }
+
+    /// What both say, `next` last.
+    pub fn then(self, next: PictureConfig) -> PictureConfig {
+        PictureConfig {
+            look: self.look.then(&next.look),
+            family: next.family.or(self.family),
+            volume: next.volume.or(self.volume),
+            size: next.size.or(self.size),
+            backend: next.backend.or(self.backend),
+            camera: self.camera.then(next.camera),
+            projection: next.projection.or(self.projection),
+            stereo: next.stereo.or(self.stereo),
+            catalogue: next.catalogue.or(self.catalogue),
+            residency: Residency { budget_mib: next.residency.budget_mib.or(self.residency.budget_mib) },
+        }
+    }
+
+    /// Checks what types cannot. `refuse` makes the error of a field by its path, of what was found and what is expected.
+    fn check<E>(&self, refuse: &dyn Fn(&[&str], String, String) -> E) -> Result<(), E> {
+        self.look.check(self.look.mode_of_settings(), f64::MIN_POSITIVE..=f64::MAX, refuse)?;
+        for (field, value) in [("fov", self.camera.fov), ("ortho", self.camera.ortho)] {
             if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
-                return Err(place.refuse(&["camera", field], value, "a number greater than 0"));
+                return Err(refuse(&["camera", field], value.to_string(), "a number greater than 0".into()));
             }
         }
-        if let Some((field, found, expected)) = config.projection.mistake() {
-            return Err(place.refuse(&["projection", field], found, expected));
+        if let Some((field, found, expected)) = self.projection.as_ref().and_then(Surround::mistake) {
+            return Err(refuse(&["projection", field], found.to_string(), expected.into()));
         }
-        if let Some((_, found, expected)) = config.stereo.as_ref().and_then(Stereo::mistake) {
-            return Err(place.refuse(&["stereo"], found, expected));
+        if let Some((_, found, expected)) = self.stereo.as_ref().and_then(Stereo::mistake) {
+            return Err(refuse(&["stereo"], found.to_string(), expected.into()));
         }
-        Ok(config)
+        Ok(())
     }
 }
 

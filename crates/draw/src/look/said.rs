@@ -3,7 +3,7 @@
 use crate::heights::import::{HeightOptions, PhotoChoice};
 use crate::model::{DerivedQuantity, ReadMethod, Unit};
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What a file is taken for that could be several things.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -71,6 +71,13 @@ impl HeightsSaid {
             before: self.before.or(other.before.clone()),
             derive: if self.derive.is_empty() { other.derive.clone() } else { self.derive },
         }
+    }
+
+    /// The same with the files that it names where `place` says they are.
+    #[must_use]
+    pub(super) fn with_files(&self, place: impl Fn(&Path) -> PathBuf) -> HeightsSaid {
+        let texture = self.texture.clone().map(|photo| PhotoChoice { path: place(&photo.path), ..photo });
+        HeightsSaid { texture, before: self.before.as_deref().map(place), ..self.clone() }
     }
 
     /// What of it is said of the heights alone that are built of a source, which nothing is derived for and nothing compared with.

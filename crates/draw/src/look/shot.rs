@@ -2,6 +2,7 @@
 
 use super::dataset::located;
 use super::{CameraConfig, Film, LookPatch, SceneFile};
+use crate::mode::Span;
 use crate::model::{Bounds, PeriodicBox};
 use crate::view::{Projection, Stereo, Surround, View, ViewError};
 use glam::DVec3;
@@ -58,6 +59,13 @@ impl Shot {
     /// Whether the picture is more than one flat view.
     pub fn is_projected(&self) -> bool {
         !self.surround.is_flat() || self.stereo.is_some()
+    }
+
+    /// Whether it shows nothing but where particles of a run came from.
+    pub fn is_of_tails(&self) -> bool {
+        let LookPatch { mode, settings, paths, .. } = &self.look;
+        let leads = paths.as_ref().is_some_and(|paths| paths.lead != Span::Steps(0.0));
+        !leads && mode.is_some_and(|mode| !mode.technique.needs(settings).particles)
     }
 
     /// Its size, pixels.

@@ -6,7 +6,7 @@ use super::ranges::{Format, Measured};
 use super::surface::SurfaceSession;
 use super::{Picture, PictureError, Session};
 use crate::color::Image;
-use crate::color::transfer::Levels;
+use crate::color::transfer::{Levels, TransferFunction};
 use crate::look::{Camera, LookPatch, Shot};
 use crate::model::Bounds;
 use crate::view::View;
@@ -60,6 +60,19 @@ impl AnySession {
             AnySession::Field(session) => Ok(session.opened().grid().bounds()),
             AnySession::Surface(session) => session.framed(look),
             AnySession::Mixed(session) => session.framed(look),
+        }
+    }
+
+    /// The transfer function of a shot: its own, or the usual one of what it is about.
+    ///
+    /// # Errors
+    /// When its look does not fit the data.
+    pub fn transfer(&mut self, shot: &Shot) -> Result<TransferFunction, PictureError> {
+        match self {
+            AnySession::Particles(session) => Ok(session.show(&shot.look)?.2),
+            AnySession::Field(session) => Ok(session.prepare(shot)?.transfer),
+            AnySession::Surface(session) => Ok(session.prepare(&shot.look)?.look.transfer),
+            AnySession::Mixed(session) => session.transfer(shot),
         }
     }
 

@@ -143,8 +143,11 @@ impl Projector {
     /// # Errors
     /// Projections and eyes that make no sense.
     pub fn new(mut base: View, surround: Surround, stereo: Option<Stereo>) -> Result<Projector, PictureError> {
-        if stereo.is_some() && matches!(base.projection, Projection::Orthographic { .. }) {
-            return Err(PictureError::Asked("--stereo: an orthographic picture has no place for two eyes".into()));
+        if let Some(stereo) = stereo {
+            stereo.check_for(surround).map_err(|expected| PictureError::Asked(expected.into()))?;
+            if matches!(base.projection, Projection::Orthographic { .. }) {
+                return Err(PictureError::Asked("--stereo: an orthographic picture has no place for two eyes".into()));
+            }
         }
         let panorama = Panorama::around(&base, surround)?;
         base.cut.around = panorama.is_some() && base.cut.fade_rate > 0.0;

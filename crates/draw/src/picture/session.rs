@@ -446,6 +446,11 @@ impl Session {
         Ok(selection)
     }
 
+    /// Asks whether anybody still waits for the picture.
+    fn go_on(&self) -> Result<(), PictureError> {
+        if self.reporter.is_stopped() { Err(PictureError::Stopped) } else { Ok(()) }
+    }
+
     /// What draws faces of panoramas on the processor.
     pub(super) fn means(&mut self) -> Means<'_> {
         let lists = self.lists();

@@ -10,7 +10,7 @@
 //! sight at elevation `e` by at most `separation/2 (da |sin e| + da^2/2)`. At a distance `d` that is an error of
 //! [`Omnidirectional::slice_error`] radians.
 
-use super::{Scope, View, ViewError};
+use super::{Scope, Surround, View, ViewError};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
@@ -104,6 +104,21 @@ impl Stereo {
         wrong.map(|(name, length)| (name, length, "a positive length"))
     }
 
+    /// Checks that eyes that stand like this see such a picture.
+    ///
+    /// # Errors
+    /// What goes with what, where they do not.
+    pub fn check_for(&self, surround: Surround) -> Result<(), &'static str> {
+        let fits = match self.kind {
+            StereoKind::OffAxis => surround.is_flat(),
+            StereoKind::Omnidirectional => matches!(surround, Surround::Dome { .. } | Surround::Equirectangular),
+        };
+        match fits {
+            true => Ok(()),
+            false => Err("stereo: off-axis is for flat pictures, omnidirectional for dome and equirectangular"),
+        }
+    }
+
     /// How far an eye is to the right of the middle, world units.
     fn offset(&self, eye: Eye) -> Result<f64, ViewError> {
         match self.mistake() {
@@ -192,7 +207,7 @@ impl Omnidirectional {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Projection;
+    use super::super::{CubeLayout, Projection};
     use super::*;
     use proptest::prelude::*;
 
@@ -203,6 +218,21 @@ mod tests {
 
     const PAIR: Stereo =
         Stereo { kind: StereoKind::OffAxis, separation: 0.1, zero_parallax: 4.0, eyes: Eyes::SideBySide };
+
+    #[test]
+    fn eyes_stand_as_the_picture_is_seen() {
+        let circle = Stereo { kind: StereoKind::Omnidirectional, ..PAIR };
+        let dome = Surround::Dome { aperture: 180.0, tilt: 0.0 };
+        let cube = Surround::Cube { layout: CubeLayout::Cross };
+        for (surround, fits) in [
+            (Surround::Flat, [true, false]),
+            (dome, [false, true]),
+            (Surround::Equirectangular, [false, true]),
+            (cube, [false, false]),
+        ] {
+            assert_eq!([PAIR, circle].map(|stereo| stereo.check_for(surround).is_ok()), fits, "{surround:?}");
+        }
+    }
 
     #[test]
     fn what_is_in_the_plane_of_the_screen_has_no_parallax() {

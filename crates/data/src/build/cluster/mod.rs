@@ -27,6 +27,7 @@
 //! A run of snapshots has two stages of its own ([`run`]).
 
 mod parts;
+mod removing;
 mod run;
 mod settings;
 mod stages;
@@ -61,10 +62,6 @@ pub(super) const MOST_TASKS: u32 = 1 << 16;
 const MOST_PARTICLES: u64 = 1 << 56;
 /// Codebooks of a family, about: no more tasks have anything to train.
 const BOOKS: u32 = 48;
-
-/// The script in a job's folder that gives its tasks to a scheduler, and the folder of what they say there.
-const SCRIPT: &str = "submit.sh";
-const LOGS: &str = "logs";
 
 /// What is wrong with a folder that has another job.
 const OTHER_JOB: &str = "found another job, expected none or the same one, with source, output, options and --tasks as they were; \
@@ -250,7 +247,8 @@ impl Job {
     /// a build; `None`: by what the job was planned with.
     ///
     /// # Errors
-    /// Where there is no such task, the result of one that it needs is missing or damaged, or something cannot be read or written.
+    /// Where there is no such task, the result of one that it needs is missing or damaged, or something cannot be read or written; and where the
+    /// job is removed meanwhile: nothing is left of the task then.
     pub fn run(&self, stage: &str, task: u32, memory: Option<u64>, progress: &dyn Progress) -> Result<(), BuildError> {
         let number = self.number(stage, task)?;
         if self.done(&self.names(), number).is_some() {
@@ -258,10 +256,13 @@ impl Job {
         }
         let mut options = self.plan.options().clone();
         options.memory = memory.or(options.memory);
-        in_pool(&options, || match &self.plan {
+        let ran = in_pool(&options, || match &self.plan {
             Plan::Snapshot(settings) => Task::new(self, settings, number, &options, progress)?.run(stage, task),
             Plan::Run(settings) => settings.run(self, (stage, task), &options, progress),
-        })
+        });
+        // Where it is not, that is why a task has failed.
+        self.check_is_there(number)?;
+        ran
     }
 
     /// How far it has come.
@@ -299,62 +300,6 @@ impl Job {
             particles: self.plan.particles(),
             temporary_bytes_needed: self.plan.temporary_bytes(),
         })
-    }
-
-    /// Removes what the job has written, but for the page file once it has its name, and the job's folder where nothing else is in it.
-    ///
-    /// # Errors
-    /// When something cannot be removed.
-    pub fn remove(self) -> Result<(), BuildError> {
-        let remove = |path: PathBuf| match std::fs::remove_file(&path) {
-            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-                Err(BuildError::from(StoreError::Io { path, action: "remove", source }))
-            }
-            _ => Ok(()),
-        };
-        let io = |source| StoreError::Io { path: self.folder.clone(), action: "read", source };
-        for entry in std::fs::read_dir(&self.folder).map_err(io)? {
-            let entry = entry.map_err(io)?;
-            if self.is_ours(&entry.file_name()) {
-                remove(entry.path())?;
-            }
-        }
-        match &self.plan {
-            Plan::Snapshot(_) => remove(self.growing())?,
-            Plan::Run(own) => own.remove_left(&self.folder),
-        }
-        remove(self.folder.join(SCRIPT))?;
-        let logs = self.folder.join(LOGS);
-        for entry in std::fs::read_dir(&logs).into_iter().flatten().flatten() {
-            if entry.file_name().to_str().is_some_and(|name| self.is_log(name)) {
-                remove(entry.path())?;
-            }
-        }
-        // Whatever others keep there stays.
-        let _ = std::fs::remove_dir(&logs);
-        // Last, so that what was not removed can be tried again.
-        remove(self.folder.join(settings::FILE))?;
-        let _ = std::fs::remove_dir(&self.folder);
-        Ok(())
-    }
-
-    /// Whether what tasks say goes to a file of this name.
-    fn is_log(&self, name: &str) -> bool {
-        let is_stage = |stage: &Stage| name.strip_prefix(&stage.name).is_some_and(|rest| rest.starts_with('-'));
-        name.ends_with(".log") && self.stages.iter().any(is_stage)
-    }
-
-    /// Whether a task's file has this name, or one that it has until it is complete.
-    fn is_ours(&self, name: &OsStr) -> bool {
-        if is_begun_plan(name) {
-            return true;
-        }
-        let Some(name) = name.to_str() else { return false };
-        let is_temporary = |text: &str| text.starts_with(&MARK[1..]);
-        let Some((stage, rest)) = name.split_once('.') else { return false };
-        let is_stage = self.stages.iter().any(|own| own.name == stage) || [stages::SPILL, run::STILL].contains(&stage);
-        let (task, temporary) = rest.split_once('.').map_or((rest, None), |(task, rest)| (task, Some(rest)));
-        is_stage && task.parse::<u32>().is_ok() && temporary.is_none_or(is_temporary)
     }
 
     /// The file that will be the output.

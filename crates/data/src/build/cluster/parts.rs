@@ -25,6 +25,7 @@
 mod opened;
 
 use super::super::BuildError;
+use super::{job_error, settings};
 use crate::model::portable::{Portable, portable};
 use crate::model::positioned::{read_exact_at, write_all_at};
 use crate::store::StoreError;
@@ -208,8 +209,19 @@ impl Names {
 
     /// Removes the file of a task, which is not done any more.
     pub fn forget(&self, number: u32) {
-        // What cannot be removed is found to be damaged again.
-        let _ = std::fs::remove_file(self.path(number));
+        // What looks damaged to a task whose job was removed may be a sound result of the next one.
+        if !settings::is_of_other(&self.folder, self.job) {
+            // What cannot be removed is found to be damaged again.
+            let _ = std::fs::remove_file(self.path(number));
+        }
+    }
+
+    /// Whether the file of a task is there and one of this job, whatever job the folder has by now.
+    pub fn is_own(&self, number: u32) -> bool {
+        let Ok(file) = File::open(self.path(number)) else { return false };
+        let len = file.metadata().map_or(0, |about| about.len());
+        let mut bytes = [0; HEADER];
+        read_exact_at(&file, &mut bytes, 0).is_ok() && Header::decode(&bytes, self.job, number, len).is_ok()
     }
 
     /// The header of a task that is done; `None` where it is not. Only its file's beginning and length are looked at.
@@ -438,12 +450,24 @@ impl Parts {
         T::of_bytes(&bytes).ok_or_else(|| self.names.damaged(number, OTHER_INDEX))
     }
 
+    /// Looks whether the folder has another job by now, whose files are to stay.
+    ///
+    /// # Errors
+    /// Where it has.
+    pub(super) fn check_folder(&self) -> Result<(), BuildError> {
+        match settings::is_of_other(&self.names.folder, self.names.job) {
+            true => Err(job_error(&self.names.folder, "found another job, expected that of this task")),
+            false => Ok(()),
+        }
+    }
+
     /// Ends the task's own file with an index and gives it its name. The task has read about so many bytes of the source, and written some
     /// elsewhere.
     ///
     /// # Errors
-    /// When the disk takes no more.
+    /// When the disk takes no more, or the folder has another job by now.
     pub fn finish(self, index: &impl Portable, source_bytes: u64, written: u64) -> Result<(), BuildError> {
+        self.check_folder()?;
         let read = source_bytes + self.read.load(Ordering::Relaxed);
         let Some(Own { number, file, end, lanes }) = self.own else { return Ok(()) };
         let mut lanes = lanes.into_inner().unwrap_or_else(PoisonError::into_inner);

@@ -171,7 +171,9 @@ impl RunSettings {
         };
         let (load, tracks) = (&self.load, self.tracks.as_ref());
         let build = RunBuild { load, options, tracks, skip_damaged: false, still_of: Some(&still_of) };
-        let built = build.build_here(self.opened(options.read)?, &self.output, progress)?;
+        // Of a job that was removed nothing comes over what has the output's name now.
+        let may_end = || job.check_is_there(job.number(RUN, 0)?);
+        let built = build.build_here(self.opened(options.read)?, &self.output, &may_end, progress)?;
         // Stills are summed up, and copied where they are kept.
         let stills = stills.into_inner() * if built.directory.has_stills { 2 } else { 1 };
         let sources = self.steps.iter().map(|step| step.source_bytes).sum::<u64>();
@@ -247,6 +249,7 @@ impl StepSettings {
         let built = built_of_streams(&streams, &options, path, progress)?;
         let io = |source| StoreError::Io { path: path.to_owned(), action: "read", source };
         let still = Still::of(built.file.file(), progress).map_err(io)?;
+        parts.check_folder()?;
         built.named()?;
         // A source is read twice.
         parts.finish(&still, 2 * self.source_bytes, still.len)
@@ -278,7 +281,7 @@ fn particles(about: &Description, load: &LoadOptions) -> u64 {
 }
 
 /// Where the page file of a step is.
-fn still_path(folder: &Path, step: u32) -> PathBuf {
+pub(super) fn still_path(folder: &Path, step: u32) -> PathBuf {
     folder.join(format!("{STILL}.{step}"))
 }
 

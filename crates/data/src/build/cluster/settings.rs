@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The file's name in the job's folder.
 pub(super) const FILE: &str = "job.json";
@@ -202,6 +203,11 @@ pub(super) fn read(folder: &Path) -> Result<(u64, Plan), BuildError> {
     Ok((file.id, file.plan))
 }
 
+/// Whether a folder has another job by now, whose files may have the same names as those of this one.
+pub(super) fn is_of_other(folder: &Path, id: u64) -> bool {
+    read(folder).is_ok_and(|(found, _)| found != id)
+}
+
 /// Writes the file of a job; gives what tells it from others.
 ///
 /// # Errors
@@ -209,10 +215,13 @@ pub(super) fn read(folder: &Path) -> Result<(u64, Plan), BuildError> {
 pub(super) fn write(folder: &Path, plan: &Plan) -> Result<u64, BuildError> {
     let path = folder.join(FILE);
     let io = |source| BuildError::from(StoreError::Io { path: path.clone(), action: "write", source });
-    // The same job in another folder is another one: what it has beside the output is its own.
+    // The same job in another folder is another one: what it has beside the output is its own. So is the one that is planned again after this one
+    // was removed: tasks of this one may still run.
     let place = folder.canonicalize().map_err(io)?;
+    let begun = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos());
     let own = crc32c::crc32c(text(plan, &path)?.as_bytes());
-    let id = u64::from(own) << 32 | u64::from(crc32c::crc32c(place.as_os_str().as_encoded_bytes()));
+    let here = crc32c::crc32c_append(crc32c::crc32c(place.as_os_str().as_encoded_bytes()), &begun.to_le_bytes());
+    let id = u64::from(own) << 32 | u64::from(crc32c::crc32c_append(here, &std::process::id().to_le_bytes()));
     let mut file = File { format: FORMAT.into(), version: VERSION, id, check: 0, plan: plan.clone() };
     file.check = file.sum(&path)?;
     let mut bytes = serde_json::to_vec_pretty(&file).map_err(|error| unsound(&path, &error.to_string()))?;

@@ -13,7 +13,7 @@ use proptest::prelude::*;
 use rayon::prelude::*;
 use serde::Deserialize;
 use std::ops::Range;
-use std::sync::Once;
+use std::sync::{Mutex, Once};
 
 /// A source that is made up as it is read: gas, some of it without densities, and dark matter that has masses alone. Half of either lies in a
 /// corner so small that buckets end inside of merging cells.
@@ -498,4 +498,97 @@ fn cancelled_jobs_leave_nothing() {
     job.remove().unwrap();
     assert_eq!(case.names(), ["job", "out.df", "source"]);
     assert_eq!(std::fs::read_dir(case.path("job")).unwrap().count(), 1);
+}
+
+/// Cancels a job as a task of it begins to work.
+struct Cancelling(Mutex<Option<Job>>);
+
+impl Progress for Cancelling {
+    fn begin(&self, _: &str, _: u64) {
+        if let Some(job) = self.0.lock().unwrap().take() {
+            job.remove().unwrap();
+        }
+    }
+
+    fn advance(&self, _: u64) {}
+}
+
+/// Neither results, in a folder that stays for what others keep there, nor the output, which `write` begins after that.
+#[test]
+fn tasks_whose_job_is_cancelled_while_they_run_leave_nothing() {
+    let case = Case::small();
+    let mut cancelled = Vec::new();
+    for Stage { name, .. } in case.plan(2).unwrap().stages() {
+        let job = case.plan(2).unwrap();
+        run_before(&job, name);
+        std::fs::write(case.path("job").join("notes.txt"), "").unwrap();
+        let cancelling = Cancelling(Mutex::new(Some(job.clone())));
+        let ran = job.run(name, 0, None, &cancelling);
+        // Short stages do not say that they begin.
+        match cancelling.0.into_inner().unwrap() {
+            Some(job) => job.remove().unwrap(),
+            None => {
+                let told = ran.unwrap_err().to_string();
+                assert!(
+                    told.ends_with("was removed (`deepfield build --cancel`) while the task ran"),
+                    "{name}: {told}"
+                );
+                cancelled.push(name.clone());
+            }
+        }
+        assert_eq!(case.names(), ["job", "source"], "{name}");
+        assert_eq!(std::fs::read_dir(case.path("job")).unwrap().count(), 1, "{name}");
+        std::fs::remove_dir_all(case.path("job")).unwrap();
+    }
+    for name in ["survey", "partition", "grow", "write", "finish"] {
+        assert!(cancelled.iter().any(|own| own == name), "{name} of {cancelled:?}");
+    }
+}
+
+/// The next job in the folder is the same one, planned again, or another: no result of it goes, and none of the one before is taken for one.
+#[test]
+fn tasks_of_cancelled_jobs_leave_results_of_the_next_one() {
+    let case = Case::small();
+    let expected = case.expected();
+    for tasks in [2, 3] {
+        let old = case.plan(2).unwrap();
+        old.clone().remove().unwrap();
+        let next = case.plan(tasks).unwrap();
+        let done = || next.status().unwrap().stages.iter().map(|stage| stage.done).collect::<Vec<u32>>();
+        for Stage { name, tasks, .. } in next.stages() {
+            (0..*tasks).for_each(|task| next.run(name, task, None, &()).unwrap());
+            let before = done();
+            for Stage { name, .. } in old.stages() {
+                let told = old.run(name, 0, None, &()).unwrap_err().to_string();
+                assert!(told.ends_with("while the task ran"), "{name}: {told}");
+            }
+            assert_eq!(done(), before, "{name} of {tasks} tasks");
+        }
+        assert!(case.built() == expected, "{tasks} tasks");
+        next.remove().unwrap();
+        assert_eq!(case.names(), ["alone.df", "out.df", "source"]);
+        std::fs::remove_file(case.path("out.df")).unwrap();
+    }
+}
+
+/// What has the folder's name then is nothing, but the job is there, and so are its pages.
+#[cfg(unix)]
+#[test]
+fn a_job_that_is_moved_while_a_task_runs_keeps_its_pages() {
+    struct Moving([PathBuf; 2]);
+    impl Progress for Moving {
+        fn begin(&self, _: &str, _: u64) {
+            let _ = std::fs::rename(&self.0[0], &self.0[1]);
+        }
+
+        fn advance(&self, _: u64) {}
+    }
+    let case = Case::small();
+    let job = case.plan(2).unwrap();
+    run_before(&job, "finish");
+    let moving = Moving(["job", "moved"].map(|name| case.path(name)));
+    job.run("finish", 0, None, &moving).unwrap_err();
+    let moved = Job::open(&case.path("moved")).unwrap();
+    moved.run("finish", 0, None, &()).unwrap();
+    assert!(case.built() == case.expected());
 }

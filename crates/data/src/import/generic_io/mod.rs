@@ -61,6 +61,10 @@ impl Format for GenericIo {
         "GenericIO"
     }
 
+    fn extensions(&self) -> &'static [&'static str] {
+        &["gio", "genericio"]
+    }
+
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
         order_of(head).is_some()
     }

@@ -71,7 +71,7 @@ impl Content {
     ///
     /// # Errors
     /// When it cannot be read; the message names the header.
-    pub(super) fn beside(&self, field: &str, name: &str) -> Result<Content, ImportError> {
+    pub(in crate::import) fn beside(&self, field: &str, name: &str) -> Result<Content, ImportError> {
         let path = self.path.parent().unwrap_or(Path::new("")).join(name);
         let why = |why: &dyn std::fmt::Display| {
             let found = format!("{} ({})", in_one_line(&name), in_one_line(&why));

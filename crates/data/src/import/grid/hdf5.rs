@@ -67,6 +67,7 @@ fn grids(file: &H5) -> Result<Vec<Array<'_>>, ImportError> {
             && array.sample_type.is_some()
             && axes.iter().all(|&count| count > 0)
             && !is_scale
+            && !is_of_index(&array.label)
             && !helpers.iter().any(|helper| helper == name)
     };
     Ok(arrays
@@ -75,6 +76,11 @@ fn grids(file: &H5) -> Result<Vec<Array<'_>>, ImportError> {
         .filter(|(array, about)| is_grid(array, about))
         .map(|(array, _)| array)
         .collect())
+}
+
+/// Whether a data set is of an index, as PyTables keeps those of a table `NAME` in a group `_i_NAME` beside it.
+fn is_of_index(label: &str) -> bool {
+    label.split('/').any(|group| group.starts_with("_i_"))
 }
 
 /// The data sets that are images or volumes: none of a file of particles, nor of a table whose columns they are.

@@ -69,7 +69,7 @@ fn open(content: &Content) -> Result<GridSource, ImportError> {
     place(&mut grid, image, content, &extents, is_of_cells)?;
     let bytes = checked(path, &grid, "WholeExtent", "Direction")?;
     let order = if file.get("byte_order") == Some("BigEndian") { Order::Big } else { Order::Little };
-    let VtkArray { storage, offset, order } = VtkArray::open(content, &elements, array, bytes, &grid, order)?;
+    let VtkArray { storage, offset, order, .. } = VtkArray::open(content, &elements, array, bytes, &grid, order)?;
     let layout = Layout::packed(&grid, INTERLEAVED, offset, order);
     let mut about = GridDescription::new(path, VTI.name, content.length, grid);
     if !left_out.is_empty() {

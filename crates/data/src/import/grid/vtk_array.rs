@@ -13,8 +13,8 @@ use crate::model::{Grid, SampleType};
 use flate2::read::ZlibDecoder;
 use std::io::{BufReader, Read};
 
-/// Data sets that are points: they are particles, no grids.
-pub(in crate::import) const XML_POINTS: [&str; 2] = ["PolyData", "UnstructuredGrid"];
+/// Data sets that are points, and those whose points are in other files: they are particles, no grids.
+pub(in crate::import) const XML_POINTS: [&str; 4] = ["PolyData", "UnstructuredGrid", "PPolyData", "PUnstructuredGrid"];
 
 /// The data set that a file in XML names at its beginning; empty where it names none, `None` for files of other formats.
 pub(in crate::import) fn xml_data_set(head: &[u8]) -> Option<String> {
@@ -45,6 +45,8 @@ pub(in crate::import) struct VtkArray {
     pub storage: Storage,
     pub offset: u64,
     pub order: Order,
+    /// Whether the storage is the file itself.
+    pub is_in_place: bool,
 }
 
 impl VtkArray {
@@ -63,7 +65,7 @@ impl VtkArray {
     ) -> Result<VtkArray, ImportError> {
         let path = &*content.path;
         let find = |name: &str| elements.iter().find(|element| element.name == name);
-        let unpacked = |storage: Storage, order: Order| VtkArray { storage, offset: 0, order };
+        let unpacked = |storage: Storage, order: Order| VtkArray { storage, offset: 0, order, is_in_place: false };
         let file = find("VTKFile");
         let compressor = match file.and_then(|file| file.get("compressor")) {
             None => None,
@@ -115,7 +117,8 @@ impl VtkArray {
         }
         if is_raw && !content.is_packed {
             let offset = start + word as u64;
-            return Ok(VtkArray { storage: content.samples(offset, bytes, grid)?, offset, order });
+            let storage = content.samples(offset, bytes, grid)?;
+            return Ok(VtkArray { storage, offset, order, is_in_place: true });
         }
         content.check_packed(content.length, bytes, grid)?;
         // What follows an array is another, no checksum.

@@ -1,9 +1,10 @@
 //! Data sets of any number of axes, as images and volumes are stored.
 
 use super::file::{Attributes, H5, H5Group, MOST_EXPANSION, guard};
+use super::records::Records;
 use crate::import::ImportError;
 use crate::model::SampleType;
-use hdf5_reader::{Dataset, Datatype, SliceInfo, SliceInfoElem};
+use hdf5_reader::{Dataset, Datatype, SliceInfo, SliceInfoElem, StringSize};
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -216,6 +217,31 @@ impl<'a> Array<'a> {
             let found = format!("{read} values");
             Err(ImportError::malformed(&self.file.path, &*self.label, found, format!("{wanted} values")))
         }
+    }
+
+    /// Its records, where it holds a list of them.
+    ///
+    /// # Errors
+    /// When there are more than the file can hold, or members reach beyond their record.
+    pub(in crate::import) fn records(&self) -> Result<Option<Records>, ImportError> {
+        Records::of(self.file, &self.label, &self.dataset)
+    }
+
+    /// The texts of a list of such of fixed length; `None` where it is none, or has more than `most` bytes.
+    ///
+    /// # Errors
+    /// When they cannot be read, or the file cannot hold as many.
+    pub(in crate::import) fn texts(&self, most: u64) -> Result<Option<Vec<String>>, ImportError> {
+        let (Datatype::String { size: StringSize::Fixed(size), .. }, &[count]) =
+            (self.dataset.dtype(), &self.shape[..])
+        else {
+            return Ok(None);
+        };
+        let most = most.min(self.most_bytes()?);
+        if count.checked_mul(u64::from(*size)).is_none_or(|bytes| bytes > most) {
+            return Ok(None);
+        }
+        guard(&self.file.path, &self.label, "readable texts", || self.dataset.read_strings()).map(Some)
     }
 
     /// All values of a coordinate of one axis; `None` where it is none, or cannot be read.

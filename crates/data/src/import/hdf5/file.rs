@@ -8,7 +8,9 @@ use crate::import::source::exact_id;
 use crate::import::unpacking::unpacked_once;
 use crate::model::{ReadFile, ReadMethod};
 use hdf5_reader::group::Group;
-use hdf5_reader::{Attribute, Dataset, Datatype, Hdf5File, OpenOptions, RangeRequestStorage, SliceInfo, SliceInfoElem};
+use hdf5_reader::{
+    Attribute, Dataset, Datatype, Hdf5File, OpenOptions, RangeRequestStorage, SliceInfo, SliceInfoElem, StringSize,
+};
 use std::fs::File;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -198,6 +200,13 @@ impl Attributes {
         let attribute = self.find(name)?;
         let text = guard(&self.path, &self.label, "text", || attribute.read_string()).ok();
         text.or_else(|| attribute.decoded_strings.as_ref().and_then(|strings| strings.first().cloned()))
+    }
+
+    /// The bytes of a text of fixed length, which may be in any code.
+    pub(in crate::import) fn bytes(&self, name: &str) -> Option<&[u8]> {
+        let attribute = self.find(name)?;
+        let is_fixed = matches!(attribute.datatype, Datatype::String { size: StringSize::Fixed(_), .. });
+        is_fixed.then_some(&*attribute.raw_data)
     }
 
     /// The unit that a data set names in words, and the attribute in which it does.

@@ -1,5 +1,5 @@
 //! HDF5: snapshots of Gadget-2, -3 and -4, AREPO, GIZMO, EAGLE and SWIFT, particles of openPMD, and bare files with coordinates. Data sets that are images or
-//! volumes are opened by [`super::grid`], through [`Array`], those that are columns of a table by [`super::table`].
+//! volumes are opened by [`super::grid`], through [`Array`], those that are tables, or columns of one, by [`super::table`].
 
 mod array;
 mod expansion;
@@ -12,13 +12,16 @@ mod records;
 mod snapshot;
 mod tables;
 mod units;
+mod virtual_source;
 
 pub(super) use array::Array;
 pub(super) use file::{Attributes, Column, H5};
+pub(super) use names::{POSITIONS, VELOCITIES};
+pub(super) use records::Records;
 pub use tables::{Hdf5Column, Hdf5Tables};
 pub(super) use units::{length_name, mass_name};
 
-use super::table::in_root;
+use super::table::{in_records, in_root};
 use super::{FieldKind, Format, ImportError, Source};
 use crate::model::{FamilyName, ReadMethod};
 use std::path::{Path, PathBuf};
@@ -42,7 +45,9 @@ pub(super) fn is_of_particles(file: &H5) -> Result<bool, ImportError> {
     let root = file.root()?;
     let (groups, datasets) = root.members()?;
     let of_types = |name: &String| name.starts_with("PartType") || ["Group", "Subhalo"].contains(&&**name);
-    let positions = |name: &String| snapshot::is_kind(name, FamilyName::Dark, FieldKind::Position);
+    // A table may be called so.
+    let positions =
+        |name: &String| snapshot::is_kind(name, FamilyName::Dark, FieldKind::Position) && !root.holds_records(name);
     // Other codes have a group of this name, too.
     let counts = ["NumPart_ThisFile", "NumPart_Total", "Ngroups_ThisFile", "Nhalos_ThisFile", "Ntrees_ThisFile"];
     let header = groups.iter().any(|name| name == "Header").then(|| root.group("Header")?.attributes()).transpose()?;
@@ -54,6 +59,10 @@ pub(super) fn is_of_particles(file: &H5) -> Result<bool, ImportError> {
 impl Format for Hdf5 {
     fn name(&self) -> &'static str {
         "HDF5 snapshot"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["hdf5", "h5", "hdf"]
     }
 
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
@@ -90,7 +99,14 @@ impl Hdf5 {
         match step {
             _ if !iterations.is_empty() => Ok(Box::new(openpmd::OpenPmd::open(&file, &iterations, step)?)),
             None | Some(0) => {
-                let table = if is_of_particles(&file)? { None } else { in_root(&file)? };
+                let table = if is_of_particles(&file)? {
+                    None
+                } else {
+                    match in_root(&file)? {
+                        Some(table) => Some(table),
+                        None => in_records(&file)?,
+                    }
+                };
                 Ok(match table {
                     Some(table) => table,
                     None => Box::new(snapshot::Snapshot::open(file, method)?),

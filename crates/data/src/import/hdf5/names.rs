@@ -25,13 +25,15 @@ const fn fixed(name: &'static str, unit: &'static str) -> Quantity {
     Quantity { name, kind: FieldKind::Other, powers: None, fixed: unit }
 }
 
+/// What places and velocities are called, in lower case; columns of three numbers of a table, too.
+pub(in crate::import) const POSITIONS: [&str; 6] =
+    ["coordinates", "positions", "position", "pos", "grouppos", "subhalopos"];
+pub(in crate::import) const VELOCITIES: [&str; 5] = ["velocities", "velocity", "vel", "groupvel", "subhalovel"];
+
 /// Data set names in lower case by quantity. Of several data sets of one kind in a group the one listed first counts.
 const QUANTITIES: &[(Quantity, &[&str])] = &[
-    (
-        of("position", FieldKind::Position, 0.0, 1.0, 0.0),
-        &["coordinates", "positions", "position", "pos", "grouppos", "subhalopos"],
-    ),
-    (of("velocity", FieldKind::Velocity, 0.0, 0.0, 1.0), &["velocities", "velocity", "vel", "groupvel", "subhalovel"]),
+    (of("position", FieldKind::Position, 0.0, 1.0, 0.0), &POSITIONS),
+    (of("velocity", FieldKind::Velocity, 0.0, 0.0, 1.0), &VELOCITIES),
     (
         of("mass", FieldKind::Mass, 1.0, 0.0, 0.0),
         &["masses", "mass", "dynamicalmasses", "dynamicalmass", "groupmass", "subhalomass"],

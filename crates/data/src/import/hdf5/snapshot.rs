@@ -4,6 +4,7 @@ use super::file::{Column, H5, H5Group};
 use super::header::{Header, kernel_gamma, named_kernel};
 use super::names::{self, Quantity};
 use super::units;
+use super::virtual_source;
 use crate::import::multifile;
 use crate::import::units::conversion;
 use crate::import::{DEFAULT_NEIGHBOURS, Description, FamilyInfo, Field, FieldKind, ImportError, Source};
@@ -175,7 +176,11 @@ fn cell_size(mass: f64, density: f64) -> f64 {
 fn parts(file: H5, method: ReadMethod) -> Result<(File, Vec<PathBuf>), ImportError> {
     let mut named = File::of(file)?;
     if named.header.is_virtual {
-        named = File::open(&first_part(&named.h5.path)?, method)?;
+        named = File::open(&first_part(&named)?, method)?;
+        if named.header.is_virtual {
+            let expected = "a file with particles, as another virtual file stands for it";
+            return Err(ImportError::malformed(&named.h5.path, "Header/Virtual", 1, expected));
+        }
     }
     let names = multifile::names(&named.h5.path, named.header.files)?;
     Ok((named, names))
@@ -194,19 +199,26 @@ pub(super) fn files(file: H5) -> Result<Vec<PathBuf>, ImportError> {
     Ok(files)
 }
 
-/// The first of the files that a file without particles stands for: beside it, or in a folder of its name.
-fn first_part(path: &Path) -> Result<PathBuf, ImportError> {
+/// The first of the files that a file without particles stands for: where its positions say that they are, else beside it, or in a folder of its
+/// name.
+fn first_part(file: &File) -> Result<PathBuf, ImportError> {
+    let path = &*file.h5.path;
+    // What is damaged may have its particles beside it all the same.
+    let stated = file.source_of_positions();
+    let named = stated.as_ref().ok().and_then(Option::as_deref);
+    let stated_places = named.into_iter().flat_map(|named| virtual_source::places(path, named));
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     // That of a compressed file has another ending behind the format's.
     let ends = name.rmatch_indices('.').map(|(end, _)| end).filter(|end| *end > 0).take(2).chain([name.len()]);
     let parts: Vec<(&str, String)> =
         ends.map(|end| (&name[..end], format!("{}.0{}", &name[..end], &name[end..]))).collect();
-    let mut places =
+    let beside =
         parts.iter().flat_map(|(name, part)| [path.with_file_name(part), path.with_file_name(name).join(part)]);
-    places.find(|place| place.is_file()).ok_or_else(|| {
-        let expected = "the first of the files that have the particles, beside this one";
-        ImportError::missing(path, &*parts[0].1, expected)
-    })
+    if let Some(place) = stated_places.chain(beside).find(|place| place.is_file()) {
+        return Ok(place);
+    }
+    let expected = "the first of the files that have the particles, beside this one";
+    Err(ImportError::missing(path, stated?.unwrap_or_else(|| parts[0].1.clone()), expected))
 }
 
 /// One file of a snapshot.
@@ -228,6 +240,17 @@ impl File {
         let header = Header::read(&root, &groups)?;
         drop(root);
         Ok(File { h5, groups, datasets, header })
+    }
+
+    /// The file that has the first positions of a virtual one, as that calls it; `None` where it does not say.
+    fn source_of_positions(&self) -> Result<Option<String>, ImportError> {
+        let root = self.h5.root()?;
+        for name in self.groups.iter().filter(|name| name.starts_with("PartType")) {
+            if let Some(source) = virtual_source::source_file(&root.group(name)?, "Coordinates")? {
+                return Ok(Some(source));
+            }
+        }
+        Ok(None)
     }
 
     fn has_group(&self, name: &str) -> bool {

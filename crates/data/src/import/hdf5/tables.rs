@@ -2,7 +2,7 @@
 
 use super::file::H5;
 use super::header::Header;
-use super::records::Member;
+use super::records::Values;
 use super::{is_hdf5, names};
 use crate::import::format::Head;
 use crate::import::{ImportError, multifile};
@@ -54,14 +54,6 @@ impl Hdf5Tables {
         Ok(Hdf5Tables { files, header })
     }
 
-    /// The names of the files of which `path` is one, by the numbers in them.
-    ///
-    /// # Errors
-    /// [`ImportError`] when there is none in its name, or one of several files is not there.
-    pub fn parts(path: &Path, files: u64) -> Result<Vec<PathBuf>, ImportError> {
-        multifile::names(path, files)
-    }
-
     /// The file that is named in messages: the first one.
     pub fn path(&self) -> &PathBuf {
         &self.files[0].0.path
@@ -75,6 +67,31 @@ impl Hdf5Tables {
     /// Edge of the periodic box, where the header says it.
     pub fn box_size(&self) -> Option<f64> {
         self.header.box_size
+    }
+
+    /// The columns of the root of the first file that have a number a row: their names, and how many rows they have.
+    ///
+    /// # Errors
+    /// [`ImportError`] when it cannot be read.
+    pub fn columns_of_root(&self) -> Result<Vec<(String, u64)>, ImportError> {
+        let root = self.files[0].0.root()?;
+        let mut found = Vec::new();
+        for name in root.members()?.1 {
+            if let Some(column) = root.column(&name)?.filter(|column| column.components == 1) {
+                found.push((name, column.rows));
+            }
+        }
+        Ok(found)
+    }
+
+    /// The names of the members of numbers of the records of a data set of the root, of one file; none where there is no such data set.
+    ///
+    /// # Errors
+    /// [`ImportError`] when it cannot be read.
+    pub fn names_of_members(&self, name: &str) -> Result<Vec<String>, ImportError> {
+        let root = self.files[0].0.root()?;
+        let is_there = root.members()?.1.iter().any(|other| other == name);
+        if is_there { root.names_of_members(name) } else { Ok(Vec::new()) }
     }
 
     /// Members of the records of a data set of the root, of one file, in the order of `members`: `None` for one that it does not have, or that
@@ -93,8 +110,7 @@ impl Hdf5Tables {
             return Ok(None);
         }
         let found = root.members_of_records(name, members, most)?;
-        let column =
-            |member: Member| Hdf5Column { components: member.components, values: member.values, unit: Unit::default() };
+        let column = |(components, values): Values| Hdf5Column { components, values, unit: Unit::default() };
         Ok(found.map(|found| found.into_iter().map(|member| member.map(column)).collect()))
     }
 

@@ -36,6 +36,10 @@ impl Format for Las {
         "LAS"
     }
 
+    fn extensions(&self) -> &'static [&'static str] {
+        &["las", "laz"]
+    }
+
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
         head.starts_with(b"LASF")
     }

@@ -26,6 +26,10 @@ impl Format for Ramses {
         "RAMSES output"
     }
 
+    fn extensions(&self) -> &'static [&'static str] {
+        &["txt"]
+    }
+
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
         info::is_info(head)
     }

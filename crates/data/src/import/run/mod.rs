@@ -4,9 +4,9 @@ mod agree;
 mod names;
 
 use super::folder::name_of;
-use super::format::{open_file, open_with, steps_in};
+use super::format::{files_of_opened, open_file, open_with, steps_in};
 use super::vector_field::Frame;
-use super::{Description, ImportError, Source, multifile, step_name};
+use super::{Description, ImportError, Source, step_name};
 use crate::model::{ClockVariable, ReadMethod};
 use std::collections::HashSet;
 use std::num::NonZeroUsize;
@@ -201,7 +201,7 @@ fn describe(
                 if parts.contains(&about.path) {
                     continue;
                 }
-                parts.extend(multifile::names(&about.path, about.files as u64)?);
+                parts.extend(files_of_opened(about)?);
                 opened.push((opened.len(), about.clone()));
             }
             Err(error) if skip_damaged => {

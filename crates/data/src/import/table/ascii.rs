@@ -25,6 +25,10 @@ impl Format for Ascii {
         "ASCII table with a header"
     }
 
+    fn extensions(&self) -> &'static [&'static str] {
+        &["txt", "dat", "asc"]
+    }
+
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
         let text = text::head(head).unwrap_or_default();
         if begins_as_velociraptor(&text) {

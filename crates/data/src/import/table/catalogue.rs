@@ -3,6 +3,7 @@
 use super::columns::{Column, Opened, Table, shown};
 use super::sky::{self, Recipe};
 use super::{STANDARD, ids};
+use crate::import::hdf5::VELOCITIES;
 use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source, units};
 use crate::model::{FamilyName, Unit};
 use std::ops::Range;
@@ -46,13 +47,14 @@ impl Catalogue {
         }];
         let mut used: Vec<usize> = match &positions.recipe {
             Recipe::Cartesian { axes, .. } => axes.to_vec(),
+            Recipe::Vector(column) => vec![*column],
             Recipe::Equatorial { .. } => Vec::new(),
         };
         let from_sky = positions.recipe.is_of_sky();
         let mut origins = vec![Origin::Position(positions.recipe)];
-        if let Some((field, columns)) = velocity(table.columns()) {
+        if let Some((field, origin, columns)) = velocity(table.columns()) {
             described.push(field);
-            origins.push(Origin::Vector(columns));
+            origins.push(origin);
             used.extend(columns);
         }
         for (index, column) in table.columns().iter().enumerate() {
@@ -115,19 +117,29 @@ impl Catalogue {
     }
 }
 
-/// The columns `vx`, `vy`, `vz` (`vxc` and so on of AHF) as one field.
-fn velocity(columns: &[Column]) -> Option<(Field, [usize; 3])> {
-    let find = |name: &str| columns.iter().position(|column| column.key() == name && column.components == 1);
-    let [x, y, z] = [["vx", "vxc"], ["vy", "vyc"], ["vz", "vzc"]].map(|names| names.into_iter().find_map(find));
-    let columns_of = [x?, y?, z?];
+/// How the three columns of velocities are called, the second of AHF's.
+pub(super) const VELOCITY_AXES: [[&str; 2]; 3] = [["vx", "vxc"], ["vy", "vyc"], ["vz", "vzc"]];
+
+/// The columns `vx`, `vy`, `vz` (`vxc` and so on of AHF) as one field, else one of three numbers, and where it comes from.
+fn velocity(columns: &[Column]) -> Option<(Field, Origin, Vec<usize>)> {
+    let find = |names: &[&str], components: usize| {
+        let is_called = |name: &&str| columns.iter().position(|own| own.key() == *name && own.components == components);
+        names.iter().find_map(is_called)
+    };
+    let axes = VELOCITY_AXES.map(|names| find(&names, 1));
+    let (origin, used) = match (axes, find(&VELOCITIES, 3)) {
+        ([Some(x), Some(y), Some(z)], _) => (Origin::Vector([x, y, z]), vec![x, y, z]),
+        (_, Some(column)) => (Origin::Column(column, 1.0), vec![column]),
+        _ => return None,
+    };
     let field = Field {
         name: "velocity".into(),
-        stored_as: columns_of.map(|index| &*columns[index].name).join(","),
-        unit: Unit::new(&*columns[columns_of[0]].unit),
+        stored_as: used.iter().map(|index| &*columns[*index].name).collect::<Vec<_>>().join(","),
+        unit: Unit::new(&*columns[used[0]].unit),
         components: 3,
         kind: FieldKind::Velocity,
     };
-    Some((field, columns_of))
+    Some((field, origin, used))
 }
 
 impl Source for Catalogue {
@@ -156,6 +168,19 @@ impl Source for Catalogue {
                 Ok(())
             }
         }
+    }
+
+    fn announce(&self, _family: usize, fields: &[usize]) {
+        let columns = fields.iter().filter_map(|field| match self.origins.get(*field) {
+            Some(Origin::Column(column, _)) => Some(*column),
+            // Made of columns that every table has at hand.
+            Some(Origin::Position(_) | Origin::Vector(_)) | None => None,
+        });
+        self.table.announce(&columns.collect::<Vec<usize>>());
+    }
+
+    fn at_hand_until(&self, _family: usize, row: u64) -> Option<u64> {
+        self.table.at_hand_until(row)
     }
 
     fn read_ids(&self, family: usize, field: usize, range: Range<u64>, out: &mut [u64]) -> Result<(), ImportError> {

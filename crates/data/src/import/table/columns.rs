@@ -4,6 +4,9 @@ use super::STANDARD;
 use crate::import::{FieldKind, ImportError};
 use std::ops::Range;
 
+/// The most numbers that a row may have in one column.
+pub(super) const MOST_COMPONENTS: usize = 64;
+
 /// One column.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Column {
@@ -89,6 +92,14 @@ pub(super) trait Table: Send + Sync {
     /// Whether it is known that no row has a number in the column.
     fn is_blank(&self, _column: usize) -> bool {
         false
+    }
+
+    /// Says which columns are about to be read as [`crate::import::Source::announce`] does of fields.
+    fn announce(&self, _columns: &[usize]) {}
+
+    /// As [`crate::import::Source::at_hand_until`].
+    fn at_hand_until(&self, _row: u64) -> Option<u64> {
+        None
     }
 }
 

@@ -24,6 +24,10 @@ impl Format for Csv {
         "CSV table with a header"
     }
 
+    fn extensions(&self) -> &'static [&'static str] {
+        &["csv", "tsv"]
+    }
+
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
         let text = text::head(head).unwrap_or_default();
         Beginning::read(Path::new("head"), &mut text.as_bytes()).is_ok_and(|beginning| are_names(&beginning.names))

@@ -3,7 +3,7 @@
 
 use super::catalogue::Catalogue;
 use super::columns::Column;
-use super::ecsv_header::{Description, Kind, MARK, described};
+use super::ecsv_header::{Described, Description, Kind, MARK, described};
 use super::masked::names_mask;
 use super::records::Delimiter;
 use super::separated::{Heading, Separated, header_line, open};
@@ -22,6 +22,10 @@ const LONGEST: usize = 1 << 22;
 impl Format for Ecsv {
     fn name(&self) -> &'static str {
         "ECSV table"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["ecsv"]
     }
 
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
@@ -68,10 +72,19 @@ impl Separated for Ecsv {
         Ok(Heading {
             is_text: columns.iter().map(|column| column.kind == Kind::Text).collect(),
             has_masks: header.iter().any(|line| names_mask(line)),
-            columns: columns.iter().map(|column| Column::with_unit(&column.name, &column.unit, 1)).collect(),
+            columns: columns.iter().map(column).collect(),
             delimiter: Delimiter::Each(delimiter as u8),
             lines: header.len() as u64 + 1,
             begun: Vec::new(),
         })
     }
+}
+
+/// The column that a description is of.
+fn column(described: &Described) -> Column {
+    let components = match described.kind {
+        Kind::Numbers(components) => components,
+        Kind::Text => 1,
+    };
+    Column::with_unit(&described.name, &described.unit, components)
 }

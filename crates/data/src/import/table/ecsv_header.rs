@@ -1,6 +1,6 @@
 //! The header of an ECSV file: as much YAML as its descriptions of columns take, in block or in flow style.
 
-use super::columns::shown;
+use super::columns::{MOST_COMPONENTS, shown};
 use crate::import::ImportError;
 use std::path::Path;
 
@@ -10,8 +10,8 @@ pub(super) const MARK: &str = "# %ECSV ";
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Numbers, or `True` and `False`.
-    Number,
+    /// So many numbers in each row, or `True` and `False`; several in brackets.
+    Numbers(usize),
     /// Anything else.
     Text,
 }
@@ -69,11 +69,14 @@ pub(super) fn described(path: &Path, lines: &[String]) -> Result<Description, Im
         let field = format!("column {} of the header", index + 1);
         let name = value("name").filter(|name| !name.is_empty());
         let name = name.ok_or_else(|| ImportError::missing(path, &*field, "its name"))?;
+        let is_number = |kind: &str| ["bool", "int", "uint", "float"].iter().any(|known| kind.starts_with(known));
         let kind = match (value("datatype"), value("subtype")) {
-            (_, Some(_)) | (Some("string" | "complex64" | "complex128" | "complex256"), _) => Kind::Text,
-            (Some(kind), None) if ["bool", "int", "uint", "float"].iter().any(|known| kind.starts_with(known)) => {
-                Kind::Number
+            (Some("string"), Some(array)) => {
+                let (kind, shape) = array.split_once('[').unwrap_or((array, ""));
+                components(shape).filter(|_| is_number(kind)).map_or(Kind::Text, Kind::Numbers)
             }
+            (_, Some(_)) | (Some("string" | "complex64" | "complex128" | "complex256"), _) => Kind::Text,
+            (Some(kind), None) if is_number(kind) => Kind::Numbers(1),
             (found, None) => {
                 let expected = "a datatype: bool, intN, uintN, floatN, complexN or string";
                 return Err(ImportError::malformed(path, field, shown(found.unwrap_or("none")), expected));
@@ -86,6 +89,13 @@ pub(super) fn described(path: &Path, lines: &[String]) -> Result<Description, Im
         return Err(ImportError::missing(path, "datatype", "a description of each column in the header"));
     }
     Ok(Description { delimiter, columns })
+}
+
+/// The numbers of an array with the shape `3]` or `2,3]`; `None` where each row has its own, or only one, or too many.
+fn components(shape: &str) -> Option<usize> {
+    let mut axes = shape.strip_suffix(']')?.split(',');
+    let count = axes.try_fold(1_usize, |count, axis| count.checked_mul(axis.trim().parse().ok()?))?;
+    (2..=MOST_COMPONENTS).contains(&count).then_some(count)
 }
 
 fn indent(line: &str) -> usize {
@@ -155,12 +165,19 @@ mod tests {
     #[test]
     fn both_styles_say_the_same() {
         let flow = "%ECSV 1.0\n---\ndelimiter: ','\ndatatype:\n- {name: ra, unit: deg, datatype: float64, description: 'a, {b}: c',\n  \
-            format: '%.3f'}\n- {name: 'is it', datatype: bool}\n- {name: name, datatype: string}\nmeta: !!omap\n- {x: 1}\n";
+            format: '%.3f'}\n- {name: 'is it', datatype: bool}\n- {name: name, datatype: string}\n\
+            - {name: v, datatype: string, subtype: 'float64[2,3]'}\n- {name: w, datatype: string, subtype: 'float64[null]'}\nmeta: !!omap\n- {x: 1}\n";
         let block = "%ECSV 1.0\n---\ndelimiter: ','\ndatatype:\n-\n  name: ra\n  unit: deg\n  datatype: float64\n  \
-            description: >\n    name: no\n-\n  name: is it\n  datatype: bool\n- name: name\n  datatype: string\nmeta:\n  x: 1\n";
+            description: >\n    name: no\n-\n  name: is it\n  datatype: bool\n- name: name\n  datatype: string\n\
+            -\n  name: v\n  datatype: string\n  subtype: float64[2,3]\n-\n  name: w\n  datatype: string\n  subtype: json\nmeta:\n  x: 1\n";
         let column = |name: &str, unit: &str, kind| Described { name: name.into(), unit: unit.into(), kind };
-        let columns =
-            vec![column("ra", "deg", Kind::Number), column("is it", "", Kind::Number), column("name", "", Kind::Text)];
+        let columns = vec![
+            column("ra", "deg", Kind::Numbers(1)),
+            column("is it", "", Kind::Numbers(1)),
+            column("name", "", Kind::Text),
+            column("v", "", Kind::Numbers(6)),
+            column("w", "", Kind::Text),
+        ];
         let expected = Description { delimiter: ',', columns };
         assert_eq!(of(flow).as_ref(), Ok(&expected));
         assert_eq!(of(block).as_ref(), Ok(&expected));

@@ -38,6 +38,10 @@ impl Format for GeoJson {
         "GeoJSON points"
     }
 
+    fn extensions(&self) -> &'static [&'static str] {
+        &["geojson", "json"]
+    }
+
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
         text::head(head).is_some_and(|text| text.trim_start().starts_with('{') && text.contains("FeatureCollection"))
     }

@@ -27,6 +27,10 @@ impl Format for KStars {
         "KStars catalogue"
     }
 
+    fn extensions(&self) -> &'static [&'static str] {
+        &["dat"]
+    }
+
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
         let text = text::head(head).unwrap_or_default();
         let first = text.lines().find(|line| !line.starts_with('#')).unwrap_or_default();

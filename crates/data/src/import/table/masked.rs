@@ -13,10 +13,10 @@ pub(super) fn names_mask(line: &str) -> bool {
     line.contains("mask: !astropy.table.SerializedColumn")
 }
 
-/// Which of all columns has a mask in this one, where it may be a mask at all.
+/// Which of all columns has a mask in this one, where it may be a mask at all: of rows, or of each number of a row.
 pub(super) fn masked_by(mask: &Column, all: &[Column]) -> Option<usize> {
-    let name = mask.name.strip_suffix(ENDING).filter(|_| mask.components == 1)?;
-    all.iter().position(|column| column.name == name)
+    let name = mask.name.strip_suffix(ENDING)?;
+    all.iter().position(|column| column.name == name && [1, column.components].contains(&mask.components))
 }
 
 /// The columns that are no masks of others.
@@ -43,7 +43,7 @@ struct Unmasked {
 }
 
 impl Unmasked {
-    /// Puts `none` into rows that are hidden; `out` holds so many values of each row.
+    /// Puts `none` into what is hidden; `out` holds so many values of each row.
     fn hide<V: Copy>(
         &self,
         mask: Option<usize>,
@@ -53,11 +53,12 @@ impl Unmasked {
         none: V,
     ) -> Result<(), ImportError> {
         let Some(mask) = mask else { return Ok(()) };
-        let mut hidden = vec![0.0; (rows.end - rows.start) as usize];
+        let own = self.table.columns()[mask].components;
+        let mut hidden = vec![0.0; (rows.end - rows.start) as usize * own];
         self.table.read(mask, rows, &mut hidden)?;
         // What a mask does not say is not hidden.
-        let rows = out.chunks_mut(components.max(1)).zip(hidden).filter(|(_, hidden)| *hidden == 1.0);
-        rows.for_each(|(row, _)| row.fill(none));
+        let parts = out.chunks_mut((components / own).max(1)).zip(hidden).filter(|(_, hidden)| *hidden == 1.0);
+        parts.for_each(|(part, _)| part.fill(none));
         Ok(())
     }
 }
@@ -91,5 +92,9 @@ impl Table for Unmasked {
 
     fn is_blank(&self, column: usize) -> bool {
         self.table.is_blank(self.places[column].0)
+    }
+
+    fn at_hand_until(&self, row: u64) -> Option<u64> {
+        self.table.at_hand_until(row)
     }
 }

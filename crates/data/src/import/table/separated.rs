@@ -122,14 +122,22 @@ fn rows(path: &Path, heading: Heading, reader: Box<dyn BufRead>) -> Result<(Stor
                 continue;
             }
             let field = String::from_utf8_lossy(field);
-            let value = number(&field).or_else(|| truth(&field).filter(|_| may_be_truth[index]));
-            if value.is_none() {
+            let value_of = |field: &str| number(field).or_else(|| truth(field).filter(|_| may_be_truth[index]));
+            let components = names[index].components;
+            let first = row.len();
+            let is_text = match components {
+                1 => value_of(&field).map(|value| row.push(value)),
+                _ => push_array(&field, components, value_of, &mut row),
+            }
+            .is_none();
+            if is_text {
+                row.truncate(first);
                 text[index] = Some((line, field.chars().take(40).collect()));
             }
-            let value = value.unwrap_or(f64::NAN);
-            has_numbers[index] |= !value.is_nan();
-            row.push(value);
-            if widths[index] > 1 {
+            row.resize(first + components, f64::NAN);
+            let value = row[first];
+            has_numbers[index] |= row[first..].iter().any(|value| !value.is_nan());
+            if widths[index] > components {
                 row.push(ids::rest(value, ids::of_text(&field, value)));
             }
         }
@@ -186,6 +194,22 @@ fn transposed(path: &Path, names: Vec<Column>, mut records: Records, first: &Byt
         rows.push(&values.copied().collect::<Vec<f64>>())?;
     }
     rows.finish(|_| true)
+}
+
+/// Adds the numbers of a text such as `[1.5,null]` or `[[1,2],[3,4]]` to a row, as many as `count`; none of an empty one. `None` for other text.
+fn push_array(text: &str, count: usize, value: impl Fn(&str) -> Option<f64>, row: &mut Vec<f64>) -> Option<()> {
+    let text = text.trim();
+    if number(text).is_some_and(f64::is_nan) {
+        return Some(());
+    }
+    let inner = text.strip_prefix('[')?.strip_suffix(']')?;
+    let end = row.len() + count;
+    for word in inner.split(',') {
+        let word = word.trim_matches(|letter: char| letter.is_whitespace() || matches!(letter, '[' | ']'));
+        let value = value(word).filter(|_| row.len() < end)?;
+        row.push(value);
+    }
+    (row.len() == end).then_some(())
 }
 
 /// 1 for what is true and 0 for what is not, in letters of any case; `None` for other text.

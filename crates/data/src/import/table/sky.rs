@@ -1,4 +1,4 @@
-//! Positions from the columns of a table: `x, y, z`, or right ascension, declination and a distance or parallax.
+//! Positions from the columns of a table: `x, y, z`, one column of three numbers, or right ascension, declination and a distance or parallax.
 //!
 //! Equatorial coordinates become `d (cos dec cos ra, cos dec sin ra, sin dec)`. A table without any distance is placed on
 //! the unit sphere. In one with distances a star that has none (a negative one, a parallax that is not positive) has no position.
@@ -8,6 +8,7 @@
 
 use super::columns::{Column, Table};
 use crate::import::check::chunks;
+use crate::import::hdf5::{POSITIONS, VELOCITIES};
 use crate::import::units::{conversion, degrees, degrees_of, length, length_of};
 use crate::import::{ImportError, units};
 use crate::model::Unit;
@@ -36,6 +37,8 @@ pub(super) enum Recipe {
         /// The factors that bring them to one unit.
         factors: [f64; 3],
     },
+    /// A column of three coordinates.
+    Vector(usize),
     /// Directions on the sky, and how far away.
     Equatorial {
         /// Right ascension and declination.
@@ -82,9 +85,10 @@ impl Recipe {
     /// # Errors
     /// When the table cannot be read.
     pub(super) fn read(&self, table: &dyn Table, rows: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
-        let out = out.as_chunks_mut::<3>().0;
         match self {
+            Recipe::Vector(column) => table.read(*column, rows, out)?,
             Recipe::Cartesian { axes, factors } => {
+                let out = out.as_chunks_mut::<3>().0;
                 let mut values = vec![0.0; out.len()];
                 for (axis, (column, factor)) in axes.iter().zip(factors).enumerate() {
                     table.read(*column, rows.clone(), &mut values)?;
@@ -92,6 +96,7 @@ impl Recipe {
                 }
             }
             Recipe::Equatorial { angles, degrees, distance } => {
+                let out = out.as_chunks_mut::<3>().0;
                 let mut columns = [vec![0.0; out.len()], vec![0.0; out.len()], vec![1.0; out.len()]];
                 table.read(angles[0], rows.clone(), &mut columns[0])?;
                 table.read(angles[1], rows.clone(), &mut columns[1])?;
@@ -145,9 +150,18 @@ pub(super) fn is_needed(column: &Column) -> bool {
     is_needed_beside(column, &[])
 }
 
+/// Whether a column of three numbers is called as those of places or velocities are.
+pub(super) fn may_be_vector(name: &str) -> bool {
+    let column = Column { components: 3, ..Column::new(name) };
+    is_needed(&column) || VELOCITIES.contains(&column.key().as_str())
+}
+
 /// The same beside `others` that hold numbers: directions that are there as text, too, are not needed.
 pub(super) fn is_needed_beside(column: &Column, others: &[Column]) -> bool {
     let has = |names: &[&str], measure| names.iter().any(|name| unit_of(column, name, measure).is_some());
+    if column.components != 1 {
+        return column.components == 3 && has(&POSITIONS, Measure::Length);
+    }
     let is_there = |names: &[&str]| find(others, names, Measure::Angle).is_some();
     let lengths: [&[&str]; 2] = [AXES.as_flattened(), &DISTANCE];
     let directions: [&[&str]; 2] = [&RA, &DEC];
@@ -177,10 +191,18 @@ pub(super) fn missing(path: &Path) -> ImportError {
     ImportError::missing(path, "positions", expected)
 }
 
+/// The error of so many tables without them.
+pub(super) fn missing_in(path: &Path, tables: usize) -> ImportError {
+    let expected = format!("columns x, y, z, or ra, dec and possibly dist or parallax in one of {tables} tables");
+    ImportError::missing(path, "positions", expected)
+}
+
 /// Whether there are columns that positions can be made of.
 pub(super) fn has_positions(columns: &[Column]) -> bool {
     let has = |names: &[&str], measure| find(columns, names, measure).is_some();
-    AXES.iter().all(|names| has(names, Measure::Length)) || has(&RA, Measure::Angle) && has(&DEC, Measure::Angle)
+    AXES.iter().all(|names| has(names, Measure::Length))
+        || find_of(columns, &POSITIONS, Measure::Length, 3).is_some()
+        || has(&RA, Measure::Angle) && has(&DEC, Measure::Angle)
 }
 
 /// A column that positions are made of.
@@ -190,11 +212,16 @@ struct Found<'a> {
     unit: &'a str,
 }
 
-/// The first column with one of the names: one of the name itself rather than one with a unit behind it.
+/// The first column of one number a row with one of the names: one of the name itself rather than one with a unit behind it.
 fn find<'a>(columns: &'a [Column], names: &[&str], measure: Measure) -> Option<Found<'a>> {
-    let single = || columns.iter().enumerate().filter(|(_, column)| column.components == 1);
-    let exact = |name: &&str| single().find(|(_, column)| column.key() == *name);
-    let suffixed = |name: &&str| single().find(|(_, column)| unit_of(column, name, measure).is_some());
+    find_of(columns, names, measure, 1)
+}
+
+/// The same of so many numbers a row.
+fn find_of<'a>(columns: &'a [Column], names: &[&str], measure: Measure, components: usize) -> Option<Found<'a>> {
+    let own = || columns.iter().enumerate().filter(move |(_, column)| column.components == components);
+    let exact = |name: &&str| own().find(|(_, column)| column.key() == *name);
+    let suffixed = |name: &&str| own().find(|(_, column)| unit_of(column, name, measure).is_some());
     let (index, column) = names.iter().find_map(exact).or_else(|| names.iter().find_map(suffixed))?;
     let unit = names.iter().find_map(|name| unit_of(column, name, measure))?;
     Some(Found { index, column, unit })
@@ -205,10 +232,21 @@ fn find<'a>(columns: &'a [Column], names: &[&str], measure: Measure) -> Option<F
 /// # Errors
 /// When a unit of such a column is not known, or the table cannot be read.
 pub(super) fn positions(path: &Path, table: &dyn Table) -> Result<Option<Positions>, ImportError> {
-    match cartesian(path, table)? {
-        Some(positions) => Ok(Some(positions)),
-        None => equatorial(path, table),
+    for of in [cartesian, vector, equatorial] {
+        if let Some(positions) = of(path, table)? {
+            return Ok(Some(positions));
+        }
     }
+    Ok(None)
+}
+
+/// Positions in one column.
+fn vector(path: &Path, table: &dyn Table) -> Result<Option<Positions>, ImportError> {
+    let Some(found) = find_of(table.columns(), &POSITIONS, Measure::Length, 3) else { return Ok(None) };
+    let is_known = length_of(path, &found.column.name, found.unit)? != units::Length::Code;
+    let unit = Unit::new(if is_known { found.unit } else { "" });
+    let stored_as = found.column.name.clone();
+    Ok(Some(Positions { recipe: Recipe::Vector(found.index), unit, stored_as, note: None }))
 }
 
 fn cartesian(path: &Path, table: &dyn Table) -> Result<Option<Positions>, ImportError> {

@@ -69,6 +69,10 @@ impl Text for LammpsDump {
         "LAMMPS text dump"
     }
 
+    fn endings(&self) -> &'static [&'static str] {
+        &["dump", "lammpstrj"]
+    }
+
     fn recognise(&self, head: &[u8]) -> bool {
         text_head(head).is_some_and(|text| begins_frame(text.as_bytes()))
     }

@@ -39,6 +39,9 @@ trait Text: Sync {
     /// Its name in messages.
     fn title(&self) -> &'static str;
 
+    /// How its files usually end, without the dot.
+    fn endings(&self) -> &'static [&'static str];
+
     /// Whether a file that begins so claims to be of this format.
     fn recognise(&self, head: &[u8]) -> bool;
 
@@ -61,6 +64,10 @@ trait Text: Sync {
 impl<T: Text> Format for T {
     fn name(&self) -> &'static str {
         self.title()
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        self.endings()
     }
 
     fn recognise(&self, head: &[u8], _length: u64) -> bool {

@@ -30,6 +30,10 @@ impl Text for Xyz {
         "XYZ and extended XYZ"
     }
 
+    fn endings(&self) -> &'static [&'static str] {
+        &["xyz", "extxyz"]
+    }
+
     fn recognise(&self, head: &[u8]) -> bool {
         let text = text_head(head).unwrap_or_default();
         let mut lines = text.lines();

@@ -1,7 +1,7 @@
 //! Legacy files of points: text or big-endian numbers between lines of text
 //! (<https://docs.vtk.org/en/latest/vtk_file_formats/vtk_legacy_file_format.html>).
 
-use super::arrays::{Arrays, MOST_ARRAYS, MOST_COMPONENTS, Place};
+use super::arrays::{Arrays, MOST_ARRAYS, MOST_COMPONENTS, Pieces, Place};
 use crate::import::ImportError;
 use crate::import::bytes::{Order, RangeFile};
 use crate::import::grid::scratch::{Scratch, Storage};
@@ -24,7 +24,7 @@ const OFFSETS: f64 = 5.1;
 ///
 /// # Errors
 /// When the file cannot be read, or is damaged.
-pub(super) fn open(content: &Content) -> Result<Arrays, ImportError> {
+pub(super) fn open(content: &Content) -> Result<Pieces, ImportError> {
     let path = &*content.path;
     let mut reader = Reader::new(content)?;
     let version = reader.line()?.unwrap_or_default();
@@ -39,7 +39,7 @@ pub(super) fn open(content: &Content) -> Result<Arrays, ImportError> {
     };
     let mut arrays = Arrays::default();
     if !reader.is_text {
-        arrays.storages.push(Storage::File(RangeFile::of(path, content.file()?, content.method())?));
+        reader.storages.push(Storage::File(RangeFile::of(path, content.file()?, content.method())?));
     }
     // Whether data that follow are of points.
     let mut data: Option<bool> = None;
@@ -60,7 +60,7 @@ pub(super) fn open(content: &Content) -> Result<Arrays, ImportError> {
                 if arrays.count == 0 {
                     return Err(ImportError::NoParticles { path: path.into(), field: "POINTS".into() });
                 }
-                let place = reader.array(&mut arrays, number_type(path, kind)?, 3)?;
+                let place = reader.array(arrays.count, number_type(path, kind)?, 3)?;
                 arrays.push_points(&place);
             }
             ("VERTICES" | "LINES" | "POLYGONS" | "TRIANGLE_STRIPS" | "CELLS", [first, second, ..]) => {
@@ -145,7 +145,7 @@ pub(super) fn open(content: &Content) -> Result<Arrays, ImportError> {
             _ => return Err(wrong("points, cells or data of them")),
         }
     }
-    Ok(arrays)
+    Ok(Pieces { arrays: vec![arrays], storages: reader.storages, files: 1, bytes: content.length })
 }
 
 /// The type of numbers of that name.
@@ -180,12 +180,15 @@ struct Reader<'a> {
     /// Number of cells that data are of.
     cells: u64,
     word: Vec<u8>,
+    /// Where arrays are.
+    storages: Vec<Storage>,
 }
 
 impl<'a> Reader<'a> {
     fn new(content: &'a Content) -> Result<Reader<'a>, ImportError> {
         let reader = BufReader::with_capacity(1 << 18, content.reader(0)?);
-        Ok(Reader { path: &content.path, reader, at: 0, is_text: true, cells: 0, word: Vec::new() })
+        let (word, storages) = (Vec::new(), Vec::new());
+        Ok(Reader { path: &content.path, reader, at: 0, is_text: true, cells: 0, word, storages })
     }
 
     /// The next line, without space around it; `None` at the end.
@@ -314,14 +317,14 @@ impl<'a> Reader<'a> {
             let all = components.checked_mul(arrays.count).ok_or_else(|| self.too_few(arrays.count))?;
             return self.skip(kind, all);
         }
-        let place = self.array(arrays, kind, components)?;
+        let place = self.array(arrays.count, kind, components)?;
         arrays.push(&name, number, &place);
         Ok(())
     }
 
     /// Where the numbers of all points are: in the file, or parsed.
-    fn array(&mut self, arrays: &mut Arrays, kind: SampleType, components: u64) -> Result<Place, ImportError> {
-        let all = components.checked_mul(arrays.count).ok_or_else(|| self.too_few(arrays.count))?;
+    fn array(&mut self, points: u64, kind: SampleType, components: u64) -> Result<Place, ImportError> {
+        let all = components.checked_mul(points).ok_or_else(|| self.too_few(points))?;
         if !self.is_text {
             let offset = self.at;
             self.skip(kind, all)?;
@@ -345,8 +348,8 @@ impl<'a> Reader<'a> {
             }
         }
         scratch.write(&samples)?;
-        arrays.storages.push(scratch.into_storage()?);
-        let storage = arrays.storages.len() - 1;
+        self.storages.push(scratch.into_storage()?);
+        let storage = self.storages.len() - 1;
         Ok(Place { storage, offset: 0, number: kind, order: Order::NATIVE, components })
     }
 }

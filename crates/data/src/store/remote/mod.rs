@@ -20,7 +20,7 @@ use address::Address;
 use file::RemoteFile;
 use std::io;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -31,7 +31,14 @@ const FRESH: Duration = Duration::from_secs(10);
 /// Files that are open, or were just now; those that were opened last come last.
 fn opened() -> MutexGuard<'static, Vec<Arc<RemoteFile>>> {
     static OPEN: Mutex<Vec<Arc<RemoteFile>>> = Mutex::new(Vec::new());
+    static PROCESS: AtomicU32 = AtomicU32::new(0);
     let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+    let own = std::process::id();
+    if PROCESS.swap(own, Ordering::Relaxed) != own {
+        // Files of the process that this one was forked from, whose connections are attended to by threads that it alone has. Closing them could wait
+        // for these.
+        std::mem::forget(std::mem::take(&mut *open));
+    }
     open.retain(|file| Arc::strong_count(file) > 1 || is_fresh(file));
     open
 }

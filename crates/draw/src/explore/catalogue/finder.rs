@@ -52,9 +52,9 @@ pub(super) struct Columns {
 }
 
 impl Finder {
-    /// Its columns among those of these names, in lower case; `None` where one is not there.
+    /// Its columns among those of these names, capital letters or not; `None` where one is not there.
     pub(super) fn columns(&self, names: &[String]) -> Option<Columns> {
-        let find = |wanted: &str| names.iter().position(|name| name == wanted);
+        let find = |wanted: &str| names.iter().position(|name| name.eq_ignore_ascii_case(wanted));
         let first = |wanted: &[&str]| wanted.iter().find_map(|name| find(name));
         let [x, y, z] = self.position.map(find);
         let numbers = [x?, y?, z?, first(self.mass)?, first(self.radius)?];

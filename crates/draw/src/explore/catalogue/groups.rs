@@ -1,8 +1,9 @@
 //! Group catalogues of Gadget-4, AREPO and SUBFIND: friends-of-friends groups and their subhaloes.
 
+use super::properties::Kept;
 use super::{Catalogue, MOST_OBJECTS, Object};
 use crate::explore::ExploreError;
-use crate::import::{FieldKind, Source, open};
+use crate::import::{Field, FieldKind, Source, open};
 use crate::model::Unit;
 use glam::DVec3;
 use std::path::Path;
@@ -27,12 +28,12 @@ const KINDS: [Kind; 2] = [
 
 /// The subhaloes of a catalogue in their order, and the unit of their masses.
 pub(in crate::explore) fn subhaloes(path: &Path, source: &dyn Source) -> Result<(Vec<Object>, Unit), ExploreError> {
-    let mut catalogue = read_kinds(path, source, &KINDS[1..])?;
+    let mut catalogue = read_kinds(path, source, &KINDS[1..], &mut Kept::nothing())?;
     Ok((std::mem::take(&mut catalogue.objects), catalogue.mass_unit))
 }
 
-pub(super) fn read(path: &Path) -> Result<Catalogue, ExploreError> {
-    let catalogue = read_kinds(path, open(path)?.as_ref(), &KINDS)?;
+pub(super) fn read(path: &Path, kept: &mut Kept) -> Result<Catalogue, ExploreError> {
+    let catalogue = read_kinds(path, open(path)?.as_ref(), &KINDS, kept)?;
     if catalogue.objects.is_empty() {
         let expected = "groups or subhaloes with data sets GroupPos or SubhaloPos";
         return Err(ExploreError::missing(path, "objects", expected));
@@ -41,7 +42,7 @@ pub(super) fn read(path: &Path) -> Result<Catalogue, ExploreError> {
 }
 
 /// Objects of these kinds.
-fn read_kinds(path: &Path, source: &dyn Source, kinds: &[Kind]) -> Result<Catalogue, ExploreError> {
+fn read_kinds(path: &Path, source: &dyn Source, kinds: &[Kind], kept: &mut Kept) -> Result<Catalogue, ExploreError> {
     let about = source.description();
     let mut catalogue = Catalogue {
         path: path.into(),
@@ -51,6 +52,7 @@ fn read_kinds(path: &Path, source: &dyn Source, kinds: &[Kind]) -> Result<Catalo
         box_size: about.box_size,
         left_out: 0,
         objects: Vec::new(),
+        properties: Vec::new(),
         is_in_plane: false,
         tree: None,
     };
@@ -77,6 +79,9 @@ fn read_kinds(path: &Path, source: &dyn Source, kinds: &[Kind]) -> Result<Catalo
             Ok(Some((field, values)))
         };
         let (mass, radius) = (column(kind.mass)?, column(kind.radius)?);
+        let own = [Some(position), mass.as_ref().map(|(field, _)| *field), radius.as_ref().map(|(field, _)| *field)];
+        let naming = |field: &Field| (field.stored_as.clone(), FieldKind::Other);
+        kept.read(path, source, (index, info), &own, catalogue.objects.len(), naming)?;
         if let Some((field, _)) = mass.as_ref().filter(|_| catalogue.mass_unit.is_unknown()) {
             catalogue.mass_unit = info.fields[*field].unit.clone();
         }
@@ -88,5 +93,6 @@ fn read_kinds(path: &Path, source: &dyn Source, kinds: &[Kind]) -> Result<Catalo
             mass: of(&mass, i),
         }));
     }
+    catalogue.properties = kept.finished(catalogue.objects.len());
     Ok(catalogue)
 }

@@ -5,11 +5,16 @@
 
 mod finder;
 pub(super) mod groups;
-mod halo_records;
+pub(super) mod halo_records;
 mod halo_tables;
 pub(super) mod halo_text;
+mod properties;
+mod sphere;
 pub(super) mod table;
 mod written;
+
+pub use properties::Property;
+pub use sphere::{files_of_catalogue, sphere_at};
 
 use super::error::ExploreError;
 use super::merger_tree::MergerTree;
@@ -17,6 +22,7 @@ use crate::annotate::Label;
 use crate::import::Hdf5Tables;
 use crate::model::Unit;
 use glam::DVec3;
+use properties::Kept;
 use serde::Serialize;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -43,7 +49,7 @@ pub struct Object {
 pub struct Catalogue {
     /// The file.
     pub path: PathBuf,
-    /// What kind of file: `csv`, `ron`, `groups`, or the halo finder: `rockstar`, `ahf`, `velociraptor`, `hbt`.
+    /// What kind of file: `csv`, `ron`, `groups`, `trees`, `consistent-trees`, or the halo finder: `rockstar`, `ahf`, `velociraptor`, `hbt`.
     pub format: &'static str,
     /// Unit of positions and radii; empty when unknown.
     pub length_unit: Unit,
@@ -55,6 +61,9 @@ pub struct Catalogue {
     pub left_out: u64,
     /// The objects.
     pub objects: Vec<Object>,
+    /// What else the file says of them, where that was asked for ([`Catalogue::read_whole`]).
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub properties: Vec<Property>,
     /// Whether positions are places in a plane alone, on which they have z 0 ([`Catalogue::in_plane`]).
     #[serde(skip)]
     pub is_in_plane: bool,
@@ -77,6 +86,22 @@ impl Catalogue {
     /// # Errors
     /// [`ExploreError`] with file and field when it cannot be read, is damaged, or has no object.
     pub fn read(path: &Path) -> Result<Catalogue, ExploreError> {
+        Catalogue::read_keeping(path, &mut Kept::nothing())
+    }
+
+    /// The same with other numbers that the file has of its objects: those of these names, or all, which may take `memory` bytes. Trees and RON
+    /// have none.
+    ///
+    /// # Errors
+    /// As [`Catalogue::read`], where they take more, and where the file has nothing of one of the names.
+    pub fn read_whole(path: &Path, fields: Option<&[String]>, memory: u64) -> Result<Catalogue, ExploreError> {
+        let mut kept = Kept::new(fields, memory);
+        let catalogue = Catalogue::read_keeping(path, &mut kept)?;
+        kept.check(&catalogue.path)?;
+        Ok(catalogue)
+    }
+
+    fn read_keeping(path: &Path, kept: &mut Kept) -> Result<Catalogue, ExploreError> {
         let path = &crate::import::file_in(path, &[])?;
         let head = head_of(path)?;
         let text = std::str::from_utf8(&head).unwrap_or_default().trim_start_matches('\u{feff}').trim_start();
@@ -87,19 +112,19 @@ impl Catalogue {
             () if is_ron => written::read(path)?,
             () => {
                 let of_finder = match is_hdf5 {
-                    true => match halo_tables::read(path)? {
-                        None => halo_records::read(path)?,
+                    true => match halo_tables::read(path, kept)? {
+                        None => halo_records::read(path, kept)?,
                         found => found,
                     },
-                    false => halo_text::read(path)?,
+                    false => halo_text::read(path, kept)?,
                 };
                 match of_finder {
                     Some(catalogue) => catalogue,
                     // Catalogues of one step are read as that, though others may lie beside them.
                     None => match MergerTree::of_file(path)? {
                         Some(tree) => return Catalogue::of_tree(Arc::new(tree), None),
-                        None if is_hdf5 => groups::read(path)?,
-                        None => table::read(path)?,
+                        None if is_hdf5 => groups::read(path, kept)?,
+                        None => table::read(path, kept)?,
                     },
                 }
             }
@@ -130,6 +155,7 @@ impl Catalogue {
             box_size: tree.box_size,
             left_out: 0,
             objects: tree.objects_at(time),
+            properties: Vec::new(),
             is_in_plane: false,
             tree: Some(tree),
         };
@@ -157,23 +183,28 @@ impl Catalogue {
 
     /// Leaves out what has no place, and sorts by importance.
     fn checked(mut self) -> Result<Catalogue, ExploreError> {
-        let catalogue = &mut self;
-        let before = catalogue.objects.len();
-        catalogue.objects.retain(|object| object.position.is_finite());
-        catalogue.left_out += (before - catalogue.objects.len()) as u64;
-        if catalogue.objects.is_empty() {
-            return Err(ExploreError::malformed(&catalogue.path, "objects", "none with a position", "at least one"));
+        let before = self.objects.len();
+        // With the rows in which they are.
+        let mut objects: Vec<(usize, Object)> = self.objects.into_iter().enumerate().collect();
+        objects.retain(|(_, object)| object.position.is_finite());
+        self.left_out += (before - objects.len()) as u64;
+        if objects.is_empty() {
+            return Err(ExploreError::malformed(&self.path, "objects", "none with a position", "at least one"));
         }
-        for object in &mut catalogue.objects {
+        for (_, object) in &mut objects {
             object.radius = object.radius.filter(|radius| *radius > 0.0 && radius.is_finite());
             object.mass = object.mass.filter(|mass| mass.is_finite());
         }
         let importance = |object: &Object| (object.mass.unwrap_or(0.0), object.radius.unwrap_or(0.0));
-        catalogue.objects.sort_by(|a, b| {
+        objects.sort_by(|(_, a), (_, b)| {
             let ((mass_a, radius_a), (mass_b, radius_b)) = (importance(a), importance(b));
             mass_b.total_cmp(&mass_a).then(radius_b.total_cmp(&radius_a))
         });
-        Ok(self)
+        for Property { values, .. } in &mut self.properties {
+            *values = objects.iter().map(|(row, _)| values[*row]).collect();
+        }
+        let objects = objects.into_iter().map(|(_, object)| object).collect();
+        Ok(Catalogue { objects, ..self })
     }
 
     /// The objects as names to be written into a picture, in their order.

@@ -1,9 +1,10 @@
 //! Catalogues as tables: a header with `name` and either `x`, `y`, `z` or `ra`, `dec` and a distance; perhaps `radius` and `mass`. What stands on
 //! a surface may have `x` and `y` alone.
 
+use super::properties::Kept;
 use super::{Catalogue, MOST_OBJECTS, Object};
 use crate::explore::ExploreError;
-use crate::import::{FieldKind, open};
+use crate::import::{Field, FieldKind, open};
 use crate::model::Unit;
 use flate2::read::MultiGzDecoder;
 use glam::DVec3;
@@ -23,7 +24,7 @@ const IN_SPACE: [&str; 4] = ["z", "ra", "raj2000", "right_ascension"];
 /// Most bytes of text that names may be spread over.
 const MOST_TEXT: u64 = 8 << 30;
 
-pub(super) fn read(path: &Path) -> Result<Catalogue, ExploreError> {
+pub(super) fn read(path: &Path, kept: &mut Kept) -> Result<Catalogue, ExploreError> {
     // Numbers, units and directions on the sky are read as those of any table.
     let source = open(path)?;
     let about = source.description();
@@ -46,11 +47,15 @@ pub(super) fn read(path: &Path) -> Result<Catalogue, ExploreError> {
         Ok(Some(values))
     };
     let mut positions = vec![[0.0; 3]; names.len()];
-    if let Some(field) = info.find(FieldKind::Position) {
+    let position = info.find(FieldKind::Position);
+    if let Some(field) = position {
         source.read(0, field, 0..info.count, positions.as_flattened_mut())?;
     }
-    let radius = column(info.fields.iter().position(|field| is_radius(&field.stored_as)))?;
-    let mass = column(info.find(FieldKind::Mass))?;
+    let own = [info.fields.iter().position(|field| is_radius(&field.stored_as)), info.find(FieldKind::Mass), position];
+    let (radius, mass) = (column(own[0])?, column(own[1])?);
+    let naming = |field: &Field| (field.name.clone(), field.kind);
+    kept.read(path, source.as_ref(), (0, info), &own, 0, naming)?;
+    let properties = kept.finished(names.len());
     let of = |column: &Option<Vec<f64>>, i: usize| column.as_ref().map(|values| values[i]);
     let object = |(i, (name, at)): (usize, (String, [f64; 3]))| Object {
         name,
@@ -66,6 +71,7 @@ pub(super) fn read(path: &Path) -> Result<Catalogue, ExploreError> {
         box_size: None,
         left_out: 0,
         objects: names.into_iter().zip(positions).enumerate().map(object).collect(),
+        properties,
         is_in_plane: false,
         tree: None,
     })
@@ -114,6 +120,7 @@ pub(super) fn read_in_plane(path: &Path) -> Result<Option<Catalogue>, ExploreErr
         box_size: None,
         left_out: 0,
         objects,
+        properties: Vec::new(),
         is_in_plane: true,
         tree: None,
     }))

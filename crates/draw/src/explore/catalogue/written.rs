@@ -48,6 +48,7 @@ pub(super) fn read(path: &Path) -> Result<Catalogue, ExploreError> {
         box_size: None,
         left_out: 0,
         objects: written.objects.into_iter().map(object).collect(),
+        properties: Vec::new(),
         is_in_plane: false,
         tree: None,
     })

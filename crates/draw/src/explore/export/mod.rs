@@ -374,7 +374,7 @@ impl Layout {
 }
 
 /// `x`, `vx`, `metallicity`, `acceleration-x`, `abundances-7`.
-fn column_name(field: &str, kind: FieldKind, component: usize, components: usize) -> String {
+pub(in crate::explore) fn column_name(field: &str, kind: FieldKind, component: usize, components: usize) -> String {
     let axis = ["x", "y", "z"].get(component).filter(|_| components == 3);
     match (kind, axis) {
         (FieldKind::Position, Some(axis)) => (*axis).to_owned(),

@@ -4,11 +4,12 @@
 //! In trees `TreeDescendant` counts from the beginning of a halo's own tree, `TreeIndex` says where in it a halo is. In the others
 //! `DescSubhaloNr` is a number at the next step, in the order of all files of its catalogue. -1: there is none.
 
+use super::series::beside;
 use super::{Halo, MOST_HALOES, Read, TreeStep, whole};
 use crate::explore::ExploreError;
 use crate::explore::catalogue::groups;
 use crate::import::{Hdf5Column, Hdf5Tables, ImportError, open};
-use crate::model::{ReadMethod, Unit};
+use crate::model::ReadMethod;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 
@@ -25,7 +26,8 @@ pub(super) fn trees(path: &Path) -> Result<Option<Read>, ExploreError> {
 
 /// The catalogues of which the file is one; `None` where there are no links between them.
 pub(super) fn series(path: &Path) -> Result<Option<Read>, ExploreError> {
-    let series = beside(path);
+    let mut series = beside(path, |file| Some(number_of(file)?.0), |folder| folder.starts_with("groups_"));
+    series.dedup_by_key(|(number, _)| *number);
     let has_links = series.len() > 1 && series.iter().any(|(_, file)| links_of(file).is_some());
     if has_links { catalogues(path, &series).map(Some) } else { Ok(None) }
 }
@@ -154,27 +156,6 @@ fn number_of(path: &Path) -> Option<(u64, &str)> {
     (rest == ".hdf5" || rest == ".0.hdf5").then_some((number.parse().ok()?, name))
 }
 
-/// All catalogues beside one, by number: in its folder, or in folders beside that where each has one of its own.
-fn beside(path: &Path) -> Vec<(u64, PathBuf)> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let here = |path: &Path| if path.as_os_str().is_empty() { PathBuf::from(".") } else { path.to_owned() };
-    let is_alone = folder.file_name().and_then(|name| name.to_str()).is_some_and(|name| name.starts_with("groups_"));
-    let entries = |folder: &Path| -> Vec<PathBuf> {
-        let entries = std::fs::read_dir(here(folder)).into_iter().flatten();
-        entries.filter_map(|entry| Some(entry.ok()?.path())).collect()
-    };
-    let folders = match is_alone {
-        true => entries(folder.parent().unwrap_or(Path::new(""))),
-        false => vec![here(folder)],
-    };
-    let folders = folders.into_iter().filter(|folder| folder.is_dir());
-    let mut files: Vec<(u64, PathBuf)> =
-        folders.flat_map(|folder| entries(&folder)).filter_map(|file| Some((number_of(&file)?.0, file))).collect();
-    files.sort();
-    files.dedup_by_key(|(number, _)| *number);
-    files
-}
-
 /// The file of the links from a catalogue to the next one, where it is there.
 fn links_of(catalogue: &Path) -> Option<PathBuf> {
     let (_, name) = number_of(catalogue)?;
@@ -183,16 +164,7 @@ fn links_of(catalogue: &Path) -> Option<PathBuf> {
 
 /// Catalogues with links between them.
 fn catalogues(path: &Path, series: &[(u64, PathBuf)]) -> Result<Read, ExploreError> {
-    let mut read = Read {
-        path: path.into(),
-        format: "groups",
-        length_unit: Unit::default(),
-        mass_unit: Unit::default(),
-        box_size: None,
-        own: number_of(path).map(|(number, _)| number),
-        steps: Vec::new(),
-        haloes: Vec::new(),
-    };
+    let mut read = Read { own: number_of(path).map(|(number, _)| number), ..Read::new(path, "groups") };
     // Catalogues without a subhalo, as of early times, are no steps of the tree.
     let mut present = Vec::new();
     for (number, file) in series {

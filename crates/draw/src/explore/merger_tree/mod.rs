@@ -1,11 +1,16 @@
 //! Merger trees: haloes at several steps of a run, and which of them each one becomes. For their histories, and for where they are at
 //! any time.
 //!
-//! Three kinds of files are told apart by their content: Gadget-4's trees (`trees.hdf5`), its group catalogues with the links between
-//! them (`subhalo_desc_NNN.hdf5`), and tables (CSV) with ids, steps and descendants.
+//! Files of all steps are told apart by their content: Gadget-4's trees (`trees.hdf5`), trees of consistent-trees (`tree_I_J_K.dat`), and tables
+//! (CSV) with ids, steps and descendants. Those of one step each by their names: Gadget-4's group catalogues with the links between them
+//! (`subhalo_desc_NNN.hdf5`), lists of AHF with theirs (`_mtree`), and tracks of HBT+.
 
+mod ahf;
+mod forest;
 mod gadget;
+mod hbt;
 mod history;
+mod series;
 mod table;
 
 pub use history::{HaloAtStep, csv};
@@ -58,7 +63,7 @@ pub struct TreeStep {
 pub struct MergerTree {
     /// The file.
     pub path: PathBuf,
-    /// What kind of file: `csv`, `trees`, `groups`.
+    /// What kind of file: `csv`, `trees`, `groups`, `consistent-trees`, `ahf`, `hbt`.
     pub format: &'static str,
     /// Unit of positions and radii; empty when unknown.
     pub length_unit: Unit,
@@ -98,6 +103,7 @@ impl MergerTree {
     pub fn of_file(path: &Path) -> Result<Option<MergerTree>, ExploreError> {
         let read = match Hdf5Tables::are_in(path)? {
             true => gadget::trees(path)?,
+            false if halo_text::is_forest(path)? => Some(forest::read(path)?),
             // That of a halo finder is of one step, though its haloes may have descendants.
             false if halo_text::is_list(path)? => None,
             false => table::read(path)?,
@@ -105,15 +111,22 @@ impl MergerTree {
         read.map(MergerTree::linked).transpose()
     }
 
-    /// The same, and the tree of group catalogues of which the file is one.
+    /// The same, and the tree of catalogues of one step each of which the file is one.
     ///
     /// # Errors
     /// As [`MergerTree::of_file`], of any of the files.
     pub fn of_series(path: &Path) -> Result<Option<MergerTree>, ExploreError> {
-        match MergerTree::of_file(path)? {
-            None if Hdf5Tables::are_in(path)? => gadget::series(path)?.map(MergerTree::linked).transpose(),
-            tree => Ok(tree),
+        if let Some(tree) = MergerTree::of_file(path)? {
+            return Ok(Some(tree));
         }
+        let read = match Hdf5Tables::are_in(path)? {
+            true => match hbt::series(path)? {
+                None => gadget::series(path)?,
+                found => found,
+            },
+            false => ahf::series(path)?,
+        };
+        read.map(MergerTree::linked).transpose()
     }
 
     /// Looks the links through, and finds the progenitors.
@@ -212,11 +225,12 @@ impl MergerTree {
     }
 
     fn name(&self, halo: &Halo) -> String {
-        match &halo.name {
-            Some(name) => name.to_string(),
-            None if self.format == "csv" => format!("Halo {}", halo.id),
-            None => format!("Subhalo {}", halo.id),
-        }
+        let word = match self.format {
+            "trees" | "groups" => "Subhalo",
+            "hbt" => "Track",
+            _ => "Halo",
+        };
+        halo.name.as_ref().map_or_else(|| format!("{word} {}", halo.id), ToString::to_string)
     }
 
     /// The step of a halo.

@@ -2,7 +2,6 @@
 
 use super::Failure;
 use crate::heights::OpenHeights;
-use crate::heights::import::HeightOptions;
 use crate::heights::store::HeightFile;
 use crate::import::{GridOptions, find_source, open_grid};
 use crate::look::{DataKind, Member, MemberKind, OpenData};
@@ -29,9 +28,9 @@ pub fn about(
         all if all.iter().all(|member| member.kind() == MemberKind::Particles) => {
             of_particles(all, page_file, reporter)
         }
-        [only] if only.kind() == MemberKind::Heights => of_heights(&only.path),
-        [only] => of_field(&only.path),
-        _ => Ok(json!({ "kind": "mixed", "unit": "", "bounds": null, "families": [] })),
+        [only] if only.is_in_place() && only.kind() == MemberKind::Heights => of_heights(only),
+        [only] if only.is_in_place() => of_field(&only.path),
+        _ => Ok(json!({ "kind": "mixed", "unit": "", "bounds": null, "modes": [], "families": [] })),
     }
 }
 
@@ -45,6 +44,8 @@ fn of_particles(
     notes.into_iter().for_each(|note| reporter.tell(note));
     let metadata = file.metadata();
     let provenance = &metadata.provenance;
+    // Paths are those of a run's tracks.
+    let has_paths = opened.following().is_some();
     Ok(json!({
         "kind": if opened.run().is_some() { "run" } else { "particles" },
         "unit": metadata.length_unit,
@@ -56,7 +57,7 @@ fn of_particles(
         "box_size": provenance.box_size,
         "steps": opened.run().map(|run| run.times().times.clone()),
         "notes": provenance.notes,
-        "modes": modes_that(|mode| mode.takes_particles() && !mode.is_of_paths()),
+        "modes": modes_that(|mode| mode.takes_particles() && (has_paths || !mode.is_of_paths())),
         "families": metadata.families.iter().map(family).collect::<Vec<_>>(),
     }))
 }
@@ -141,7 +142,8 @@ fn source_of(built: &Path, named: &Path, bytes: u64) -> Option<String> {
 }
 
 /// Measured heights: one family of all samples with one field.
-fn of_heights(path: &Path) -> Result<Value, Failure> {
+fn of_heights(member: &Member) -> Result<Value, Failure> {
+    let path = &*member.path;
     let source = match DataKind::of(path)? {
         DataKind::Heights => {
             let file = HeightFile::open(path, ReadMethod::default())?;
@@ -149,7 +151,7 @@ fn of_heights(path: &Path) -> Result<Value, Failure> {
         }
         _ => None,
     };
-    let found = OpenHeights::for_pictures(path, &HeightOptions::default())?.0.summary()?;
+    let found = OpenHeights::for_pictures(path, &member.said.options(ReadMethod::default()))?.0.summary()?;
     let ends = [0, 1].map(|axis| {
         let last = [found.columns, found.rows][axis].saturating_sub(1) as f64;
         let (first, other) = (found.origin[axis], found.origin[axis] + last * found.spacing[axis]);
@@ -158,8 +160,9 @@ fn of_heights(path: &Path) -> Result<Value, Failure> {
     let bounds = [[ends[0][0], ends[1][0], found.min], [ends[0][1], ends[1][1], found.max]];
     let planes = found.planes.iter().filter(|plane| plane.photo.is_none()).map(|plane| plane.name.as_str());
     let is_colored = ["red", "green", "blue"].iter().all(|color| planes.clone().any(|plane| plane == *color));
-    let has_photo = found.planes.iter().any(|plane| plane.photo.is_some());
+    let has_photo = member.said.texture.is_some() || found.planes.iter().any(|plane| plane.photo.is_some());
     let textures = (has_photo || is_colored).then_some("texture");
+    let differences = member.said.before.as_ref().map(|_| "difference");
     Ok(json!({
         "kind": "heights",
         "source": source,
@@ -169,7 +172,7 @@ fn of_heights(path: &Path) -> Result<Value, Failure> {
         "shape": [found.columns, found.rows],
         "notes": found.notes,
         "modes": modes_that(Mode::takes_surfaces),
-        "attributes": surface::ATTRIBUTES.into_iter().chain(textures).chain(planes).collect::<Vec<_>>(),
+        "attributes": surface::ATTRIBUTES.into_iter().chain(differences).chain(textures).chain(planes).collect::<Vec<_>>(),
         "families": [{
             "name": "heights",
             "count": found.valid,

@@ -1,12 +1,14 @@
 //! What other programs ask, as JSON, and what they are told: those of Python, and browsers.
 
 mod about;
+mod data;
 mod facts;
 mod question;
 mod request;
 mod state;
 
 pub use about::about;
+pub use data::{AskedData, said};
 pub use facts::{ChannelValues, channels, facts, units_and_ends};
 pub use question::{AskedProbe, Question, only};
 pub use request::Asked;

@@ -1,14 +1,16 @@
 //! Whom questions are about, and where they are asked.
 
 use super::{Failure, State};
-use crate::explore::{Data, Fields, IdSet, Members, Opened, Probe, ProbeOptions, ProfileOptions, Region, Work, probe};
+use crate::explore::{
+    Data, Fields, IdSet, Members, Opened, Probe, ProbeOptions, ProfileOptions, Region, Work, probe, sphere_at,
+};
 use crate::hierarchy::spacetime::Interpolation;
 use crate::import::open_with;
-use crate::look::DataKind;
+use crate::look::{DataKind, Member};
 use crate::model::{ReadMethod, When};
 use crate::store::{PageFile, RunFile};
 use serde::Deserialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Which particles, when, and whether of a page file or of what it was built from.
@@ -17,6 +19,10 @@ use std::sync::Arc;
 pub struct Question {
     /// Which particles.
     pub region: Region,
+    /// Whose sphere they are in, too: an object of a catalogue, `CATALOGUE#N` or `CATALOGUE#NAME`.
+    pub at: Option<String>,
+    /// The radius of that sphere, in place of the catalogue's.
+    pub radius: Option<f64>,
     /// Whether the source is asked that a page file was built from.
     pub exact: bool,
     /// Whether distances are taken without going round the periodic box.
@@ -25,27 +31,46 @@ pub struct Question {
     pub time: Option<String>,
 }
 
-/// One path.
+/// One dataset, which lies where it is by itself.
 ///
 /// # Errors
-/// Where there are several.
-pub fn only<'a>(what: &str, paths: &'a [PathBuf]) -> Result<&'a Path, Failure> {
-    match paths {
-        [only] => Ok(only),
+/// Where there are several, or it was moved or scaled.
+pub fn only<'a>(what: &str, members: &'a [Member]) -> Result<&'a Member, Failure> {
+    match members {
+        [only] if only.is_in_place() => Ok(only),
+        [only] => {
+            let path = only.path.display();
+            Err(format!("{path}: {what}: found a dataset that is moved or scaled, expected one where it is").into())
+        }
         several => Err(format!("{what}: found {} datasets, expected one", several.len()).into()),
     }
 }
 
 impl Question {
-    /// The particles, given ids or not; ids stand alone.
+    /// The region in `data`.
     ///
     /// # Errors
-    /// A region that makes no sense.
-    pub fn members(&self, ids: Option<Vec<u64>>) -> Result<Members, Failure> {
-        self.region.check()?;
+    /// When a catalogue cannot be read or has no such object, and of a region that makes no sense.
+    pub fn region_in(&self, data: Data) -> Result<Region, Failure> {
+        let mut region = self.region.clone();
+        match &self.at {
+            Some(at) => region.shapes.push(sphere_at(at, self.radius, data)?),
+            None if self.radius.is_some() => return Err("radius: found no object, expected one that at names".into()),
+            None => {}
+        }
+        region.check()?;
+        Ok(region)
+    }
+
+    /// The particles in `data`, given ids or not; ids stand alone.
+    ///
+    /// # Errors
+    /// As [`Question::region_in`].
+    pub fn members(&self, ids: Option<Vec<u64>>, data: Data) -> Result<Members, Failure> {
+        let region = self.region_in(data)?;
         match ids {
-            None => Ok(Members::Region(self.region.clone())),
-            Some(ids) if self.region.is_whole() => Ok(Members::Ids(IdSet::new(ids))),
+            None => Ok(Members::Region(region)),
+            Some(ids) if region.is_whole() => Ok(Members::Ids(IdSet::new(ids))),
             Some(_) => Err("ids: found a region, too, expected one of them".into()),
         }
     }
@@ -123,17 +148,17 @@ impl AskedProbe {
     /// The answer.
     ///
     /// # Errors
-    /// As [`Question::opened`], for a region that makes no sense, and for fields that there are not.
+    /// As [`Question::opened`] and [`Question::region_in`], and for fields that there are not.
     pub fn answer(self, path: &Path, state: &State) -> Result<Probe, Failure> {
-        self.of.region.check()?;
         let opened = self.of.opened("probe", path)?;
         let data = opened.data();
+        let region = self.of.region_in(data)?;
         let options = ProbeOptions {
             fields: self.fields.map_or(Fields::All, Fields::Named),
             profile: self.shells.map(|shells| ProfileOptions { shells, inner: None, field: self.shell_field }),
             periodic: self.of.periodic(data)?,
         };
         let work = Work { progress: state, stop: state.stop() };
-        Ok(probe(data, &self.of.region, &options, work)?)
+        Ok(probe(data, &region, &options, work)?)
     }
 }

@@ -2,15 +2,19 @@
 
 use super::Failure;
 use crate::build::default_memory;
+use crate::color::ColorMap;
 use crate::color::composite::Background;
-use crate::color::transfer::{TransferFunction, presets};
+use crate::color::transfer::{Scale, TransferFunction, presets};
 use crate::cpu::Method;
-use crate::look::{Attribute, Backend, CameraConfig, DataKind, LookPatch, Member, PictureConfig, SceneFile, Shot};
+use crate::look::{
+    Attribute, Backend, CameraConfig, DataKind, LookPatch, Member, PictureConfig, SceneFile, Shot, check_derived,
+};
 use crate::mode::{Mode, Setting, SettingValue, lod_budget};
 use crate::model::{FamilyName, When};
 use crate::modes;
-use crate::picture::SessionOptions;
+use crate::picture::{AnySession, PictureError, Reporter, SessionOptions};
 use serde::Deserialize;
+use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -25,7 +29,10 @@ pub struct Asked {
     pub config: Option<String>,
     /// What messages call these.
     pub config_name: String,
-    /// A scene in RON, whose look, camera and size hold where nothing else is said; its own data is not opened.
+    /// Fields of a configuration in JSON, which hold over those in RON.
+    pub fields: Map<String, Value>,
+    /// A scene in RON, whose look, camera and size hold where nothing else is said; its own data is not opened, but what it says of it is said of the
+    /// data that is open.
     pub scene: Option<String>,
     /// The file that it was read from.
     pub scene_file: Option<PathBuf>,
@@ -45,6 +52,10 @@ pub struct Asked {
     pub error_px: Option<f64>,
     /// Name or file of a transfer function, or its text in RON.
     pub transfer: Option<String>,
+    /// The colours in place of those of the transfer function, or of its hue where it has one.
+    pub color_map: Option<ColorMap>,
+    /// How values are placed along them.
+    pub color_scale: Option<Scale>,
     /// What is behind the picture.
     pub background: Option<Background>,
     /// When, of a run.
@@ -56,24 +67,30 @@ pub struct Asked {
 }
 
 impl Asked {
-    /// The shot, and how the datasets are opened and drawn; they get the families that are asked for.
+    /// The shot, and how the datasets are opened and drawn; they get what the scene says of them, and the families that are asked for. What does not
+    /// apply to them is told.
     ///
     /// # Errors
     /// What makes no sense, with what was expected.
-    pub fn request(&self, members: &mut [Member]) -> Result<(Shot, SessionOptions), Failure> {
+    pub fn request(&self, members: &mut [Member], reporter: &dyn Reporter) -> Result<(Shot, SessionOptions), Failure> {
         self.check()?;
         let config = match &self.config {
             Some(text) => PictureConfig::parse(&self.config_name, text)?,
             None => PictureConfig::default(),
         };
+        let config = config.then(PictureConfig::of_json(&self.fields)?);
         let base = match &self.scene {
             Some(text) => {
                 let file = self.scene_file.as_deref().unwrap_or(Path::new("scene"));
-                Shot::of_scene(SceneFile::parse(&file.display().to_string(), text)?, file)
+                let scene = SceneFile::parse(&file.display().to_string(), text)?;
+                scene.say_of(file, members).into_iter().for_each(|note| reporter.tell(note));
+                check_derived(members)?;
+                Shot::of_scene(scene, file)
             }
             None => Shot::default(),
         };
         let PictureConfig { look, volume, family, size, camera, projection, stereo, catalogue, residency, .. } = config;
+        let families = look.families.clone();
         let mut look = self.look(&base.look, look, volume)?;
         if let (Some(_), [only]) = (look.time, &*members)
             && DataKind::of(&only.path)? != DataKind::Run
@@ -85,17 +102,22 @@ impl Asked {
             look.time = None;
         }
         for member in members.iter_mut() {
-            member.families = look.families.clone();
+            let own = families.clone().or_else(|| member.families.take());
+            member.families = own.or_else(|| look.families.clone());
         }
         let shot = base.then(Shot {
             camera: camera.then(self.camera),
             size: self.size.or(size),
-            surround: projection,
             stereo,
             labels: catalogue,
             ..Shot::default()
         });
-        let shot = Shot { look, ..shot };
+        let mut shot = Shot { look, surround: projection.unwrap_or(shot.surround), ..shot };
+        let is_run = |member: &Member| matches!(DataKind::of(&member.path), Ok(DataKind::Run));
+        if shot.look.time.is_none() && shot.is_of_tails() && members.iter().any(is_run) {
+            // At the first step no path has come from anywhere.
+            shot.look.time = Some(When::Last);
+        }
         let budget = residency.budget_mib.map(|mebibytes| mebibytes << 20);
         let options = SessionOptions {
             named: members.first().map(|member| member.path.clone()).unwrap_or_default(),
@@ -106,10 +128,33 @@ impl Asked {
             page_memory: Some(self.memory.or(budget).unwrap_or_else(default_memory)),
             chunk_memory: self.memory.or(budget),
             // A picture of several views, or among other data, has no numbers.
-            raw: !shot.is_projected() && matches!(&*members, [only] if only.is_of_heights()),
+            raw: !shot.is_projected() && matches!(&*members, [only] if only.is_in_place() && only.is_of_heights()),
             ..SessionOptions::default()
         };
         Ok((shot, options))
+    }
+
+    /// Gives a shot the colours that are asked for in place of those of its transfer function, or of the usual one of what the session draws.
+    ///
+    /// # Errors
+    /// When the look does not fit the data.
+    pub fn recolor(&self, session: &mut AnySession, shot: &mut Shot) -> Result<(), PictureError> {
+        if self.color_map.is_none() && self.color_scale.is_none() {
+            return Ok(());
+        }
+        let mut transfer = session.transfer(shot)?;
+        let (colors, scale) = match &mut transfer.hue {
+            Some(hue) => (&mut hue.color_map, &mut hue.scale),
+            None => (&mut transfer.color_map, &mut transfer.scale),
+        };
+        if let Some(asked) = &self.color_map {
+            colors.clone_from(asked);
+        }
+        if let Some(asked) = self.color_scale {
+            *scale = asked;
+        }
+        shot.look.transfer = Some(transfer);
+        Ok(())
     }
 
     fn check(&self) -> Result<(), Failure> {

@@ -20,6 +20,7 @@ pub struct State {
     stage: Mutex<(String, u64)>,
     done: AtomicU64,
     is_stopped: AtomicBool,
+    is_writing: AtomicBool,
     notes: Mutex<Vec<String>>,
 }
 
@@ -27,6 +28,16 @@ impl State {
     /// Set where nobody waits any more.
     pub fn stop(&self) -> &AtomicBool {
         &self.is_stopped
+    }
+
+    /// Whether work that writes may be in the middle of that: in its stages, but for what [`State::set_writing`] excepts.
+    pub fn is_writing(&self) -> bool {
+        self.is_writing.load(Ordering::Relaxed)
+    }
+
+    /// Says whether what comes next in a stage writes.
+    pub fn set_writing(&self, is_writing: bool) {
+        self.is_writing.store(is_writing, Ordering::Relaxed);
     }
 
     /// Keeps a sentence for the user.
@@ -51,6 +62,7 @@ impl State {
 impl Progress for State {
     fn begin(&self, stage: &str, total: u64) {
         self.go_on();
+        self.set_writing(true);
         *self.stage.lock().unwrap_or_else(PoisonError::into_inner) = (stage.to_owned(), total);
         self.done.store(0, Ordering::Relaxed);
     }
@@ -104,5 +116,27 @@ impl Reporter for State {
 
     fn is_stopped(&self) -> bool {
         self.is_stopped.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+
+    #[test]
+    fn work_writes_in_its_stages_but_for_what_it_excepts_and_ends_where_it_asks() {
+        let state = State::default();
+        assert!(!state.is_writing());
+        state.begin("drawing frames", 2);
+        assert!(state.is_writing());
+        state.set_writing(false);
+        state.advance(1);
+        assert!(!state.is_writing());
+        state.stop().store(true, Ordering::Relaxed);
+        let begun = catch_unwind(AssertUnwindSafe(|| state.begin("writing", 1)));
+        // What was given up before its stage has begun to write nothing.
+        assert!(begun.is_err() && !state.is_writing());
+        assert_eq!(state.reached(), Some(("drawing frames".to_owned(), 1, 2)));
     }
 }

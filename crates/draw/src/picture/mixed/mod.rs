@@ -23,7 +23,7 @@ use self::heights::{Finder, HeightsAmong};
 use self::looks::{Kinds, Looks};
 use self::units::{in_lengths_of, placement_of};
 use crate::annotate::Units;
-use crate::color::transfer::Levels;
+use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Colors, Image};
 use crate::cpu::surface::sight::Sight;
 use crate::heights::model::Heights;
@@ -220,6 +220,23 @@ impl MixedSession {
         let fields =
             fields.map(|((_, session), look)| session.prepare(&Shot { look: look.clone(), ..Shot::default() }));
         Ok(Ready { heights, fields: fields.collect::<Result<_, _>>()? })
+    }
+
+    /// The transfer function of a shot: its own, or the usual one of what it is about.
+    ///
+    /// # Errors
+    /// When its look does not fit the data.
+    pub fn transfer(&mut self, shot: &Shot) -> Result<TransferFunction, PictureError> {
+        let looks = self.looks(&shot.look)?;
+        match (looks.about, self.heights.first(), self.fields.first_mut(), &mut self.particles) {
+            (MemberKind::Heights, Some((_, session)), _, _) => Ok(session.prepare(&looks.heights)?.look.transfer),
+            (MemberKind::Field, _, Some((_, session)), _) => {
+                let look = looks.fields.first().cloned().unwrap_or_default();
+                Ok(session.prepare(&Shot { look, ..Shot::default() })?.transfer)
+            }
+            (_, _, _, Some(session)) => Ok(session.show(&looks.particles)?.2),
+            _ => Ok(shot.look.transfer.clone().unwrap_or_default()),
+        }
     }
 
     /// The unit of the lengths of the first dataset that is no particles.

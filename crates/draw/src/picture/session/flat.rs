@@ -160,6 +160,8 @@ impl Session {
             true => times.measure("plan", || subject.plan(&view, &selection.nodes, &lod_budget, None))?,
             false => Plan::default(),
         };
+        // The pages are there; what follows is the longest part, and asks nobody.
+        self.go_on()?;
         let mut left_out = LeftOut::new(&lod_budget, &plan);
         let repeat = self.options.repeat.max(1);
         let nodes = &selection.nodes;

@@ -10,8 +10,8 @@ pub trait Reporter: Send + Sync {
     /// Shows the progress of one long work.
     fn progress(&self) -> Box<dyn Progress + '_>;
 
-    /// Whether nobody waits for the picture any more. Asked between the views that pictures of all directions and for two eyes are put
-    /// together from.
+    /// Whether nobody waits for the picture any more. Asked before a view is drawn, also between those that pictures of all directions and for two
+    /// eyes are put together from.
     fn is_stopped(&self) -> bool {
         false
     }

@@ -57,3 +57,17 @@ pub(super) fn same(found: &[f64], expected: &[f64], relative: f64) -> bool {
     let close = |(a, b): (&f64, &f64)| (a.is_nan() && b.is_nan()) || (a - b).abs() <= relative * b.abs();
     found.len() == expected.len() && found.iter().zip(expected).all(close)
 }
+
+/// Under the names that `info` tells.
+#[test]
+fn the_tables_of_formats_in_the_documentation_name_each_of_them() {
+    let pages = [include_str!("../../../../../docs/formats.md"), include_str!("../../../../../docs/heights.md")];
+    for (page, text) in ["formats.md", "heights.md"].iter().zip(pages) {
+        for format in super::FORMATS {
+            let name = format!("`{}`", format.name);
+            let is_row =
+                |line: &str| line.starts_with('|') && line.split('|').nth(2).is_some_and(|cell| cell.contains(&name));
+            assert!(text.lines().any(is_row), "{page}: no row of {name}");
+        }
+    }
+}

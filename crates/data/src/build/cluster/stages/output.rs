@@ -73,6 +73,13 @@ impl Task<'_> {
         let path = self.job.growing();
         let unwritable = |reason: &str| StoreError::Unwritable { path: path.clone(), reason: reason.into() };
         let file = open_growing(&path)?;
+        if let Err(removed) = self.job.check_is_there(self.job.number("write", task)?) {
+            // Begun just now, after the job was removed with it; what has pages is that of a job which has moved.
+            if file.metadata().is_ok_and(|about| about.len() == 0) {
+                let _ = std::fs::remove_file(&path);
+            }
+            return Err(removed);
+        }
         let bits = self.options.octree.code_bits();
         let write = |page: &Page| -> Result<PageEntry, BuildError> {
             let PageHead { id, family, offset, .. } = page.head;
@@ -150,7 +157,13 @@ impl Task<'_> {
             .and_then(|()| file.sync_all());
         written.map_err(|source| io_error(&path, "write", source))?;
         drop(file);
-        match std::fs::rename(&path, output) {
+        self.job.check_is_there(self.job.number("finish", 0)?)?;
+        // Another try may have given this file its name, and a task that runs again have begun the next one.
+        let renamed = match begins_with(&path, &head, header.file_len) {
+            true => std::fs::rename(&path, output),
+            false => Err(io::ErrorKind::NotFound.into()),
+        };
+        match renamed {
             Err(source) if !begins_with(output, &head, header.file_len) => {
                 return Err(io_error(output, "rename the finished file to", source));
             }

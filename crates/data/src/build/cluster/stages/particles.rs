@@ -5,9 +5,9 @@ use super::*;
 
 /// Tasks whose files are read at a time.
 const AT_ONCE: u32 = 64;
-/// Bytes that what a task has seen of the source takes while it is joined with others, for each byte that tells of it: as it is read, and in lists
-/// that grow.
-const SURVEYED: u64 = 3;
+/// Bytes that what a task has seen of the source takes while it is joined with others, for each byte that tells of it: as it was read, and in the
+/// lists of all.
+const SURVEYED: u64 = 2;
 
 impl Task<'_> {
     pub(super) fn survey(self, task: u32) -> Result<(), BuildError> {

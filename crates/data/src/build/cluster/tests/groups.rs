@@ -123,7 +123,7 @@ fn nodes_are_joined_and_paged_a_group_at_a_time() {
 fn what_takes_too_much_memory_to_be_joined_is_refused_before_it_is_read() {
     let case = case(false);
     for (stage, before, mebibytes, what) in [
-        ("plan", "survey", 40, "stage plan, which knows all sampled positions,"),
+        ("plan", "survey", 60, "stage plan, which knows all sampled positions,"),
         ("join", "grow", 20, "stage join, which knows all leaves"),
     ] {
         let job = job_before(&case, stage);

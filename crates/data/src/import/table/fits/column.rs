@@ -2,7 +2,7 @@
 
 use super::header::Header;
 use crate::import::ImportError;
-use crate::import::table::columns::Column;
+use crate::import::table::columns::{Column, MOST_COMPONENTS};
 
 /// How a number is stored, big-endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,9 +41,6 @@ impl Stored {
         matches!(self, Stored::U8 | Stored::I16 | Stored::I32 | Stored::I64)
     }
 }
-
-/// The most numbers that a row may have in a column of them.
-const MOST_COMPONENTS: usize = 64;
 
 /// The most bits that are read as one number.
 const MOST_BITS: usize = 53;

@@ -38,6 +38,10 @@ impl Format for FitsTable {
         "FITS table"
     }
 
+    fn extensions(&self) -> &'static [&'static str] {
+        &["fits", "fit"]
+    }
+
     /// A file with a table has no array in its first part, as a rule; what has one is an image, and is told before.
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
         let content = text::content(head);
@@ -116,11 +120,10 @@ fn find(path: &Path, method: ReadMethod) -> Result<(Found, Walk), ImportError> {
         }
         walk.skip(bytes)?;
     }
-    let expected = match other_tables {
-        0 => "a binary table".to_owned(),
-        count => format!("columns x, y, z, or ra, dec and possibly dist or parallax in one of {count} tables"),
-    };
-    Err(ImportError::missing(path, "positions", expected))
+    Err(match other_tables {
+        0 => ImportError::missing(path, "positions", "a binary table"),
+        count => sky::missing_in(path, count),
+    })
 }
 
 /// A file from its beginning to its end.

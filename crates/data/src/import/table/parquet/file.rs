@@ -3,16 +3,18 @@
 use super::compact::has_sound_schema;
 use super::guard;
 use super::pages::Chunk;
-use super::units::units;
+use super::units::{list_sizes, units};
 use super::values::StoredColumn;
 use crate::import::ImportError;
 use crate::import::bytes::RangeFile;
 use crate::import::table::columns::{Column, shown};
 use crate::import::table::masked::names_mask;
+use crate::import::table::sky;
 use crate::import::unpacking::unpacked;
 use crate::model::ReadMethod;
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData, ParquetMetaDataReader};
 use std::fs::File;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// What a file begins and ends with.
@@ -95,15 +97,18 @@ impl Contents {
         let about = footer.file_metadata();
         let texts = about.key_value_metadata().map(Vec::as_slice).unwrap_or_default();
         let units = units(path, texts);
+        let sizes = list_sizes(texts);
         let has_masks = texts.iter().any(|text| text.value.as_deref().is_some_and(names_mask));
         let (mut columns, mut stored, mut places) = (Vec::new(), Vec::new(), Vec::new());
         let mut left_out: Vec<String> = Vec::new();
         for (place, column) in about.schema_descr().columns().iter().enumerate() {
             // Of a structure the name of the whole.
             let name = column.path().parts().first().map_or("", String::as_str);
-            match StoredColumn::of(column) {
+            let lists = || StoredColumn::of_lists(column, list_size(footer, place, name, sizes.get(name).copied())?);
+            match StoredColumn::of(column).or_else(lists) {
                 Some(own) => {
-                    columns.push(Column::with_unit(name, units.get(name).map_or("", String::as_str), 1));
+                    let unit = units.get(name).map_or("", String::as_str);
+                    columns.push(Column::with_unit(name, unit, own.components()));
                     stored.push(own);
                     places.push(place);
                 }
@@ -125,7 +130,9 @@ impl Contents {
             let of_column = |(place, column): (&usize, &Column)| {
                 let field = || format!("row group {number}: {}", shown(&column.name));
                 let missing = || ImportError::missing(path, field(), "bytes of this column");
-                chunk(path, &field, group.columns().get(*place).ok_or_else(missing)?, rows, end)
+                // Lists that are missing have one value.
+                let values = rows..=rows.saturating_mul(column.components as u64);
+                chunk(path, &field, group.columns().get(*place).ok_or_else(missing)?, &values, end)
             };
             let chunks =
                 places.iter().zip(&contents.columns).map(of_column).collect::<Result<Vec<Chunk>, ImportError>>()?;
@@ -137,21 +144,41 @@ impl Contents {
     }
 }
 
-/// Where a column of a group is; it lies before byte `end`.
+/// How many numbers each row has of a column of lists: as many as the schema of Arrow states, or three where nothing is stated of one that is
+/// called as places or velocities are and has as many. `None` where it has more in its rows than lists of numbers.
+fn list_size(footer: &ParquetMetaData, place: usize, name: &str, stated: Option<usize>) -> Option<usize> {
+    let schema = footer.file_metadata().schema_descr();
+    let root = |leaf: usize| (leaf < schema.num_columns()).then(|| schema.get_column_root_idx(leaf));
+    let beside = [place.checked_sub(1).and_then(root), root(place + 1)];
+    let size = stated.or_else(|| sky::may_be_vector(name).then_some(3)).filter(|_| !beside.contains(&root(place)))?;
+    let (mut rows, mut values) = (0_u64, 0_u64);
+    for group in footer.row_groups() {
+        rows = rows.saturating_add(u64::try_from(group.num_rows()).ok()?);
+        values = values.saturating_add(u64::try_from(group.columns().get(place)?.num_values()).ok()?);
+    }
+    // A list that is missing has one value: more than two for each row are three in most.
+    let is_likely = values > rows.saturating_mul(2) && values <= rows.saturating_mul(3);
+    (stated.is_some() || is_likely).then_some(size)
+}
+
+/// Where a column of a group is, which has `values` values; it lies before byte `end`.
 fn chunk(
     path: &Path,
     field: &dyn Fn() -> String,
     about: &ColumnChunkMetaData,
-    rows: u64,
+    values: &RangeInclusive<u64>,
     end: u64,
 ) -> Result<Chunk, ImportError> {
     let wrong = |found: String, expected: &str| ImportError::malformed(path, field(), found, expected);
     if about.file_path().is_some() {
         return Err(wrong("rows in other files".into(), "rows; open the folder of these files"));
     }
-    if u64::try_from(about.num_values()) != Ok(rows) {
-        return Err(wrong(format!("{} values", about.num_values()), &rows.to_string()));
-    }
+    let found = u64::try_from(about.num_values()).ok().filter(|found| values.contains(found));
+    let Some(values) = found else {
+        let (least, most) = (values.start(), values.end());
+        let expected = if least == most { most.to_string() } else { format!("{least} to {most}") };
+        return Err(wrong(format!("{} values", about.num_values()), &expected));
+    };
     let data = about.data_page_offset();
     // Some programs write 0 where there is no dictionary.
     let start = about.dictionary_page_offset().filter(|at| (1..data).contains(at)).unwrap_or(data);
@@ -161,5 +188,5 @@ fn chunk(
         let found = format!("{} bytes from byte {start} on", about.compressed_size());
         return Err(wrong(found, &format!("bytes before the footer at byte {end}")));
     };
-    Ok(Chunk { start, length, packing: about.compression() })
+    Ok(Chunk { start, length, values, packing: about.compression() })
 }

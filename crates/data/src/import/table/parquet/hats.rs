@@ -35,6 +35,10 @@ impl Format for Hats {
         "HATS catalogue"
     }
 
+    fn extensions(&self) -> &'static [&'static str] {
+        &["properties"]
+    }
+
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
         text::head(head).is_some_and(|text| text.lines().any(|line| line.starts_with("hats_") && line.contains('=')))
     }

@@ -5,6 +5,7 @@ mod compact;
 mod file;
 mod hats;
 mod pages;
+mod passed;
 mod units;
 mod unpacked;
 mod values;
@@ -35,6 +36,10 @@ const BATCH: usize = 64;
 impl Format for Parquet {
     fn name(&self) -> &'static str {
         "Parquet table"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["parquet", "parq", "pq"]
     }
 
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
@@ -241,8 +246,10 @@ impl Table for Rows {
     fn read(&self, column: usize, rows: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
         // What a mask says of the rows of a file without it.
         out.fill(0.0);
+        let width = self.columns[column].components;
         self.each(column, rows, |reading, rows, part| {
-            reading.read(rows, out.get_mut(part).unwrap_or_default(), StoredColumn::numbers)
+            let own = out.get_mut(part.start * width..part.end * width).unwrap_or_default();
+            reading.read(rows, own, StoredColumn::numbers)
         })
     }
 

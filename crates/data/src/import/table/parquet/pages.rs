@@ -3,6 +3,7 @@
 
 use super::compact::{DATA, DATA_2, DICTIONARY, PageHeader, page_header};
 use super::guard;
+use super::passed::Passed;
 use super::unpacked::{Packing, Sizes, Unpacked};
 use super::values::StoredColumn;
 use crate::import::ImportError;
@@ -41,6 +42,8 @@ pub(super) struct Chunk {
     pub start: u64,
     /// How many bytes.
     pub length: u64,
+    /// How many values it has, those that are missing among them.
+    pub values: u64,
     /// How pages are packed.
     pub packing: Compression,
 }
@@ -85,24 +88,26 @@ impl Reading<'_> {
             let expected = format!("{}, as when it was opened", self.length);
             return Err(ImportError::malformed(self.path, "length", headers.length, expected));
         }
-        let (pages, sizes, end) = self.pages(&headers, rows.end)?;
+        let Pages { pages, sizes, rows: known, length, passed, first } = self.pages(&headers, &rows)?;
         let packing = Packing::of(self.chunk.packing);
         let (expected, about) = (out.len(), &self.column.about);
         let found = guard(self.path, self.field(), "pages of numbers", || {
             let chunk = ColumnChunkMetaData::builder(about.clone())
                 .set_data_page_offset(self.chunk.start as i64)
-                .set_total_compressed_size(self.chunk.length as i64)
+                .set_total_compressed_size(length as i64)
                 .set_compression(packing.map_or(self.chunk.packing, |_| Compression::UNCOMPRESSED))
                 .build()?;
-            let pages = SerializedPageReader::new(Arc::new(file), &chunk, end as usize, Some(pages))?;
+            let pages = SerializedPageReader::new(Arc::new(file), &chunk, known as usize, pages)?;
             let pages: Box<dyn PageReader> = match packing {
-                Some(packing) => Box::new(Unpacked::new(pages, packing, sizes)),
+                Some(packing) => Box::new(Unpacked::new(Passed::new(pages, passed), packing, sizes)),
+                None if passed > 0 => Box::new(Passed::new(pages, passed)),
                 None => Box::new(pages),
             };
-            decode(self.column, get_column_reader(about.clone(), pages), rows.start as usize, out)
+            decode(self.column, get_column_reader(about.clone(), pages), (rows.start - first) as usize, out)
         })?;
         if found != expected {
-            return Err(ImportError::malformed(self.path, self.field(), format!("{found} rows"), expected.to_string()));
+            let (found, expected) = (format!("{found} values"), expected.to_string());
+            return Err(ImportError::malformed(self.path, self.field(), found, expected));
         }
         Ok(())
     }
@@ -112,15 +117,21 @@ impl Reading<'_> {
         format!("pages of {}", shown(self.column.about.name()))
     }
 
-    /// Pages of data up to the one that has the row before `until`, how large they are unpacked, and the row behind that page.
-    fn pages(&self, file: &RangeFile, until: u64) -> Result<(Vec<PageLocation>, Sizes, u64), ImportError> {
+    /// Pages of data up to the one that has the last of the rows `rows`. Which rows pages of lists have, their headers do not say; where none is
+    /// missing, it follows from how many values are before.
+    fn pages(&self, file: &RangeFile, rows: &Range<u64>) -> Result<Pages, ImportError> {
         let wrong = |found: String, expected: &str| ImportError::malformed(self.path, self.field(), found, expected);
         let Chunk { start, length, .. } = self.chunk;
         let end = start + length;
-        let (mut at, mut row, mut pages, mut sizes) = (start, 0, Vec::new(), Sizes::default());
-        while row < until {
+        let components = self.column.components() as u64;
+        let [all, from, until] = [self.rows, rows.start, rows.end].map(|rows| rows.saturating_mul(components));
+        let (mut at, mut value, mut pages, mut sizes) = (start, 0, Vec::new(), Sizes::default());
+        while value < until {
+            if at >= end && self.column.is_of_lists() {
+                break;
+            }
             if at >= end {
-                return Err(wrong(format!("{row} rows"), &self.rows.to_string()));
+                return Err(wrong(format!("{value} rows"), &self.rows.to_string()));
             }
             let Some(header) = header_at(file, at, end)? else {
                 return Err(wrong(format!("damage at byte {at}"), "the header of a page"));
@@ -146,14 +157,14 @@ impl Reading<'_> {
             }
             let next = at + header.bytes + stored;
             if is_data {
-                if values > self.rows - row {
-                    return Err(wrong(format!("more than {row} and {values} rows"), &self.rows.to_string()));
+                if values > all - value {
+                    return Err(wrong(format!("more than {value} and {values} values"), &all.to_string()));
                 }
                 // Below 2^31: what a page has unpacked is, and what it has packed is little more.
                 let compressed_page_size = (next - at) as i32;
-                pages.push(PageLocation { offset: at as i64, compressed_page_size, first_row_index: row as i64 });
+                pages.push(PageLocation { offset: at as i64, compressed_page_size, first_row_index: value as i64 });
                 sizes.data.push_back(plain);
-                row += values;
+                value += values;
             } else if size > plain || values > MOST_ENTRIES {
                 return Err(wrong(format!("a dictionary of {values} values in {plain} bytes"), "fewer values"));
             } else {
@@ -161,8 +172,33 @@ impl Reading<'_> {
             }
             at = next;
         }
-        Ok((pages, sizes, row))
+        if !self.column.is_of_lists() {
+            return Ok(Pages { pages: Some(pages), sizes, rows: value, length, passed: 0, first: 0 });
+        }
+        let first_value = |page: &PageLocation| page.first_row_index as u64;
+        let before = pages.partition_point(|page| first_value(page) <= from).saturating_sub(1);
+        let passed = if self.chunk.values == all { before } else { 0 };
+        sizes.data.drain(..passed);
+        // A row that goes on in the first page counts as one there.
+        let first = pages.get(passed).map_or(0, first_value) / components;
+        // What follows has not been looked at.
+        Ok(Pages { pages: None, sizes, rows: self.rows, length: at - start, passed, first })
     }
+}
+
+/// Pages that are to be read.
+struct Pages {
+    /// Where those of data are; `None`: one after the other.
+    pages: Option<Vec<PageLocation>>,
+    /// How large they are unpacked.
+    sizes: Sizes,
+    /// The row behind them, or at most so many.
+    rows: u64,
+    /// Bytes that the library is to know of.
+    length: u64,
+    /// How many of data are to be passed over, and the row that the first of the others begins with, or in.
+    passed: usize,
+    first: u64,
 }
 
 /// The header of the page at byte `at`, before byte `end`.

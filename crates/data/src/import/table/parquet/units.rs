@@ -1,5 +1,6 @@
-//! Units of columns, which Parquet itself has no place for: programs write them into texts beside the schema.
+//! Units of columns, and how long their lists are, which Parquet itself has no place for: programs write them into texts beside the schema.
 
+use super::super::columns::MOST_COMPONENTS;
 use super::super::ecsv_header;
 use crate::import::grid::base64::Base64;
 use parquet::file::metadata::KeyValue;
@@ -45,17 +46,35 @@ pub(super) fn units(path: &Path, texts: &[KeyValue]) -> HashMap<String, String> 
     for column in ecsv_header::described(path, &lines).into_iter().flat_map(|header| header.columns) {
         add(&column.name, &column.unit);
     }
-    let mut message = Vec::new();
-    // What is damaged shows what came before the damage.
-    let _ = Base64::new(named("ARROW:schema").unwrap_or_default().as_bytes()).read_to_end(&mut message);
-    arrow(&message, &mut add);
+    arrow(&schema(texts), &mut |field, name| field.units(|unit| add(name, unit)));
     units.retain(|_, unit| !unit.trim().is_empty());
     units
 }
 
-/// Units among the entries of fields in a schema of Arrow, a message in the form of FlatBuffers
-/// (<https://arrow.apache.org/docs/format/Columnar.html>, `Message.fbs` and `Schema.fbs`). `None` where it is damaged.
-fn arrow(message: &[u8], add: &mut impl FnMut(&str, &str)) -> Option<()> {
+/// How many numbers lists have in columns of which a schema of Arrow says that all have as many, and not too many.
+pub(super) fn list_sizes(texts: &[KeyValue]) -> HashMap<String, usize> {
+    let mut sizes = HashMap::new();
+    arrow(&schema(texts), &mut |field, name| {
+        if let Some(size) = field.list_size().filter(|size| (1..=MOST_COMPONENTS).contains(size)) {
+            sizes.insert(name.to_owned(), size);
+        }
+        Some(())
+    });
+    sizes
+}
+
+/// The schema of Arrow among the texts of a file; empty without one.
+fn schema(texts: &[KeyValue]) -> Vec<u8> {
+    let text = texts.iter().find(|text| text.key == "ARROW:schema").and_then(|text| text.value.as_deref());
+    let mut message = Vec::new();
+    // What is damaged shows what came before the damage.
+    let _ = Base64::new(text.unwrap_or_default().as_bytes()).read_to_end(&mut message);
+    message
+}
+
+/// Calls `each` with the fields in a schema of Arrow and their names, a message in the form of FlatBuffers
+/// (<https://arrow.apache.org/docs/format/Columnar.html>, `Message.fbs` and `Schema.fbs`). `None` where it is damaged, or `each` gives none.
+fn arrow<'a>(message: &'a [u8], each: &mut impl FnMut(Field<'a>, &'a str) -> Option<()>) -> Option<()> {
     let bytes = Flat(message);
     // Since version 0.15 the message's length stands behind a mark.
     let root = if bytes.u32(0)? == u32::MAX { 8 } else { 4 };
@@ -63,19 +82,46 @@ fn arrow(message: &[u8], add: &mut impl FnMut(&str, &str)) -> Option<()> {
     for field in bytes.items(bytes.slot(schema, 1)?)?.take(message.len()) {
         let field = bytes.indirect(field)?;
         let name = bytes.text(bytes.slot(field, 0)?)?;
-        let Some(entries) = bytes.slot(field, 6) else { continue };
-        for entry in bytes.items(entries)?.take(MOST_ENTRIES) {
-            let entry = bytes.indirect(entry)?;
-            let (Some(key), Some(value)) = (bytes.slot(entry, 0), bytes.slot(entry, 1)) else { continue };
-            if matches!(bytes.text(key)?, "unit" | "units") {
-                add(name, bytes.text(value)?);
-            }
-        }
+        each(Field { bytes, at: field }, name)?;
     }
     Some(())
 }
 
+/// A field of a schema.
+#[derive(Clone, Copy)]
+struct Field<'a> {
+    bytes: Flat<'a>,
+    at: usize,
+}
+
+impl<'a> Field<'a> {
+    /// Calls `add` with its units. `None` where it is damaged.
+    fn units(self, mut add: impl FnMut(&'a str)) -> Option<()> {
+        let Field { bytes, at } = self;
+        let Some(entries) = bytes.slot(at, 6) else { return Some(()) };
+        for entry in bytes.items(entries)?.take(MOST_ENTRIES) {
+            let entry = bytes.indirect(entry)?;
+            let (Some(key), Some(value)) = (bytes.slot(entry, 0), bytes.slot(entry, 1)) else { continue };
+            if matches!(bytes.text(key)?, "unit" | "units") {
+                add(bytes.text(value)?);
+            }
+        }
+        Some(())
+    }
+
+    /// How long its lists are, where all are as long. `None` of other types, or where it is damaged.
+    fn list_size(self) -> Option<usize> {
+        /// The number of this type (`FixedSizeList`) among all.
+        const LISTS: u8 = 16;
+        let Field { bytes, at } = self;
+        let kind = bytes.0.get(bytes.slot(at, 2)?)?;
+        let list = bytes.indirect(bytes.slot(at, 3)?).filter(|_| *kind == LISTS)?;
+        usize::try_from(bytes.u32(bytes.slot(list, 0)?)?).ok()
+    }
+}
+
 /// Bytes in the form of FlatBuffers.
+#[derive(Clone, Copy)]
 struct Flat<'a>(&'a [u8]);
 
 impl<'a> Flat<'a> {
@@ -156,8 +202,9 @@ mod tests {
             for byte in [0, 1, 0x7f, 0xff] {
                 let mut damaged = message.clone();
                 damaged[at] = byte;
-                let _ = arrow(&damaged, &mut |_, _| {});
-                let _ = arrow(&damaged[..at], &mut |_, _| {});
+                for bytes in [&damaged[..], &damaged[..at]] {
+                    arrow(bytes, &mut |field, _| field.units(|_| {}).or(field.list_size().map(drop)));
+                }
             }
         }
     }

@@ -1,9 +1,9 @@
 //! What the numbers of a column are, and numbers out of what the library decodes.
 
-use parquet::basic::{ConvertedType, LogicalType, Type};
+use parquet::basic::{ConvertedType, LogicalType, Repetition, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
-use parquet::errors::Result;
+use parquet::errors::{ParquetError, Result};
 use parquet::schema::types::{ColumnDescPtr, ColumnDescriptor};
 
 /// Values that are decoded at a time.
@@ -29,6 +29,15 @@ pub(super) enum Stored {
     Decimal(i32),
 }
 
+/// What the levels of values say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Levels {
+    /// The level of a value that is there.
+    value: i16,
+    /// Of lists, the level from which on they have one, there or missing, and how many each row has.
+    list: Option<(i16, usize)>,
+}
+
 /// A column of numbers as a file stores it.
 #[derive(Clone, Debug)]
 pub(super) struct StoredColumn {
@@ -38,6 +47,7 @@ pub(super) struct StoredColumn {
     pub stored: Stored,
     /// Bytes of a value in plain coding, at least 1.
     pub width: u64,
+    levels: Levels,
 }
 
 impl StoredColumn {
@@ -45,12 +55,35 @@ impl StoredColumn {
     pub(super) fn of(about: &ColumnDescPtr) -> Option<StoredColumn> {
         let is_single = about.path().parts().len() == 1 && about.max_rep_level() == 0;
         let (stored, width) = stored(about).filter(|_| is_single)?;
-        Some(StoredColumn { about: about.clone(), stored, width })
+        let levels = Levels { value: about.max_def_level(), list: None };
+        Some(StoredColumn { about: about.clone(), stored, width, levels })
+    }
+
+    /// A column of lists of `size` numbers; `None` where it is something else. That it is all of a column is up to the caller.
+    pub(super) fn of_lists(about: &ColumnDescPtr, size: usize) -> Option<StoredColumn> {
+        // The list, what is repeated in it, and a number; one of these or two in older files.
+        let is_list = about.path().parts().len() <= 3 && about.max_rep_level() == 1;
+        let (stored, width) = stored(about).filter(|_| is_list)?;
+        let value = about.max_def_level();
+        let basic = about.self_type().get_basic_info();
+        let is_optional = basic.has_repetition() && basic.repetition() == Repetition::OPTIONAL;
+        let levels = Levels { value, list: Some((value - i16::from(is_optional), size)) };
+        Some(StoredColumn { about: about.clone(), stored, width, levels })
+    }
+
+    /// Whether it has lists.
+    pub(super) fn is_of_lists(&self) -> bool {
+        self.levels.list.is_some()
+    }
+
+    /// Numbers of a row.
+    pub(super) fn components(&self) -> usize {
+        self.levels.list.map_or(1, |(_, size)| size)
     }
 
     /// Decodes numbers behind the first `skip` rows of a reader into `out`; NaN for what is missing. Gives how many there were.
     pub(super) fn numbers(&self, reader: ColumnReader, skip: usize, out: &mut [f64]) -> Result<usize> {
-        let levels = self.about.max_def_level();
+        let levels = self.levels;
         let none = f64::NAN;
         match (reader, self.stored) {
             (ColumnReader::BoolColumnReader(of), _) => spread(of, skip, levels, out, none, |v| f64::from(u8::from(*v))),
@@ -83,12 +116,12 @@ impl StoredColumn {
 
     /// Whether its numbers are whole ones as they are stored.
     pub(super) fn is_whole(&self) -> bool {
-        matches!(self.stored, Stored::Whole | Stored::Unsigned)
+        matches!(self.stored, Stored::Whole | Stored::Unsigned) && self.levels.list.is_none()
     }
 
     /// The same for whole numbers from 0; `None` for all else.
     pub(super) fn whole_numbers(&self, reader: ColumnReader, skip: usize, out: &mut [Option<u64>]) -> Result<usize> {
-        let levels = self.about.max_def_level();
+        let levels = self.levels;
         match (reader, self.stored) {
             (ColumnReader::Int32ColumnReader(of), Stored::Unsigned) => {
                 spread(of, skip, levels, out, None, |v| Some(u64::from(v.cast_unsigned())))
@@ -151,17 +184,20 @@ fn stored(about: &ColumnDescriptor) -> Option<(Stored, u64)> {
     }
 }
 
-/// Decodes what is behind the first `skip` rows into `out`; `levels` above 0 are those of values that are there. Gives how many rows there were.
+/// Decodes what is behind the first `skip` rows into `out`. Gives how many values there were, missing ones among them.
 fn spread<T: DataType, V: Copy>(
     mut reader: ColumnReaderImpl<T>,
     skip: usize,
-    levels: i16,
+    levels: Levels,
     out: &mut [V],
     none: V,
     value: impl Fn(&T::T) -> V,
 ) -> Result<usize> {
     if reader.skip_records(skip)? != skip {
         return Ok(0);
+    }
+    if let Some((entry, size)) = levels.list {
+        return spread_lists(reader, (entry, levels.value), size, out, none, value);
     }
     let (mut found, mut values): (Vec<i16>, Vec<T::T>) = (Vec::new(), Vec::new());
     let mut done = 0;
@@ -174,18 +210,67 @@ fn spread<T: DataType, V: Copy>(
             break;
         }
         let places = out.get_mut(done..done + rows).unwrap_or_default();
-        if levels == 0 {
+        if levels.value == 0 {
             places.iter_mut().zip(&values).for_each(|(place, stored)| *place = value(stored));
         } else {
             let mut stored = values.iter();
             for (place, level) in places.iter_mut().zip(&found) {
-                let own = if *level == levels { stored.next() } else { None };
+                let own = if *level == levels.value { stored.next() } else { None };
                 *place = own.map_or(none, &value);
             }
         }
         done += rows;
     }
     Ok(done)
+}
+
+/// Decodes lists of `size` values into `out`; a list that is missing or empty is one of missing values. Levels from `entry` on are those of
+/// values, `there` that of those that are not missing. Gives how many values there were.
+fn spread_lists<T: DataType, V: Copy>(
+    mut reader: ColumnReaderImpl<T>,
+    (entry, there): (i16, i16),
+    size: usize,
+    out: &mut [V],
+    none: V,
+    value: impl Fn(&T::T) -> V,
+) -> Result<usize> {
+    let (mut found, mut repeats, mut values): (Vec<i16>, Vec<i16>, Vec<T::T>) = (Vec::new(), Vec::new(), Vec::new());
+    let whole = |entries: usize| match entries == 0 || entries == size {
+        true => Ok(()),
+        false => Err(ParquetError::General(format!("a row of {entries} values, not {size}"))),
+    };
+    out.fill(none);
+    let (mut done, all) = (0, out.len() / size.max(1));
+    while done < all {
+        found.clear();
+        repeats.clear();
+        values.clear();
+        let most = (STEP / size.max(1)).max(1).min(all - done);
+        let (rows, _, _) = reader.read_records(most, Some(&mut found), Some(&mut repeats), &mut values)?;
+        if rows == 0 {
+            break;
+        }
+        let (mut stored, mut row, mut entries) = (values.iter(), done, 0);
+        for (place, (level, repeat)) in found.iter().zip(&repeats).enumerate() {
+            // A row begins.
+            if *repeat == 0 && place > 0 {
+                whole(entries)?;
+                (row, entries) = (row + 1, 0);
+            }
+            if *level >= entry {
+                let own = if *level == there { stored.next() } else { None };
+                // More than there should be are told below.
+                let to = out.get_mut(row * size + entries).filter(|_| entries < size);
+                if let (Some(own), Some(to)) = (own, to) {
+                    *to = value(own);
+                }
+                entries += 1;
+            }
+        }
+        whole(entries)?;
+        done += rows;
+    }
+    Ok(done * size)
 }
 
 /// A number of half precision (IEEE 754), little-endian.

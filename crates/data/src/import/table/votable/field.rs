@@ -3,7 +3,7 @@
 use super::markup::Markup;
 use crate::import::ImportError;
 use crate::import::source::exact_id;
-use crate::import::table::columns::{Column, shown};
+use crate::import::table::columns::{Column, MOST_COMPONENTS, shown};
 use crate::import::table::ids;
 use std::path::Path;
 
@@ -58,9 +58,6 @@ impl Datatype {
 
 /// How many values a row has in a column; `None`: each row says.
 pub(super) type Count = Option<usize>;
-
-/// The most numbers that a row may have in a column of them.
-const MOST_COMPONENTS: usize = 64;
 
 /// The most bytes of a row in a column, as far as the header says.
 const MOST_BYTES: usize = 1 << 24;

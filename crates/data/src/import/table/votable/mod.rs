@@ -37,6 +37,10 @@ impl Format for VoTable {
         "VOTable"
     }
 
+    fn extensions(&self) -> &'static [&'static str] {
+        &["vot", "votable", "xml"]
+    }
+
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
         let text = text::head(head).unwrap_or_default();
         text.trim_start().starts_with('<') && (text.contains("<VOTABLE") || text.contains(":VOTABLE"))
@@ -147,11 +151,10 @@ fn find(path: &Path) -> Result<(Found, Markup, u64), ImportError> {
             other_tables += 1;
         }
     }
-    let expected = match other_tables {
-        0 => "a table with rows".to_owned(),
-        count => format!("columns x, y, z, or ra, dec and possibly dist or parallax in one of {count} tables"),
-    };
-    Err(ImportError::missing(path, "positions", expected))
+    Err(match other_tables {
+        0 => ImportError::missing(path, "positions", "a table with rows"),
+        count => sky::missing_in(path, count),
+    })
 }
 
 /// The rows of a table as elements.

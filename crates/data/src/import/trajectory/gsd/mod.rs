@@ -63,6 +63,10 @@ impl Format for Gsd {
         "GSD"
     }
 
+    fn extensions(&self) -> &'static [&'static str] {
+        &["gsd"]
+    }
+
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
         is_gsd(head)
     }
