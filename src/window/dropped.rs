@@ -53,6 +53,7 @@ mod tests {
     use crate::store::PageFile;
     use crate::window::open::{Opened, finish_opening};
     use crate::window::options::Opener;
+    use crate::window::picture::Picture;
     use crate::window::state::notices::Notices;
     use std::sync::Arc;
     use std::time::{Duration, Instant};
@@ -64,6 +65,7 @@ mod tests {
             .add_message::<Wanted>()
             .add_message::<Opened>()
             .insert_resource(Openings::new(opener))
+            .insert_resource(Picture::at(Rect::new(0.0, 0.0, 1280.0, 720.0)))
             .init_resource::<Notices>()
             .init_resource::<Objects>()
             .init_resource::<Player>()

@@ -6,6 +6,7 @@ mod mixed;
 mod sketch;
 
 use super::options::{OpenRequest, Opener};
+use super::picture::Picture;
 use super::preset::{Preset, ResidencyPreset};
 use super::scene::{Scene, SceneField};
 use super::state::notices::Notices;
@@ -330,12 +331,17 @@ pub(super) fn follow_preset(preset: Res<Preset>, mut openings: ResMut<Openings>)
     openings.page_memory = preset.residency.memory_among_others();
 }
 
-/// Hands over files that have arrived and reports those that cannot be opened.
+/// Hands over files that have arrived and reports those that cannot be opened. The first waits until the window has been laid out, since
+/// how large the picture is says from how far away all of the data is seen.
 pub(crate) fn finish_opening(
+    picture: Res<Picture>,
     mut openings: ResMut<Openings>,
     mut notices: ResMut<Notices>,
     mut opened: MessageWriter<Opened>,
 ) {
+    if !picture.is_placed {
+        return;
+    }
     let Some(opening) = openings.bypass_change_detection().current.as_mut() else { return };
     let outcome = opening.outcome.get_mut().unwrap_or_else(PoisonError::into_inner).try_recv();
     let path = std::mem::take(&mut opening.path);
@@ -362,6 +368,33 @@ pub(crate) fn finish_opening(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_has_arrived_waits_for_the_pictures_place() {
+        let (send, outcome) = channel();
+        send.send(Err("a.df: no page file".to_owned())).unwrap();
+        let mut openings = Openings::new(Arc::new(|path, _, _| Ok(path.to_owned())));
+        openings.current = Some(Opening {
+            path: "a.df".into(),
+            members: Vec::new(),
+            progress: Arc::default(),
+            outcome: Mutex::new(outcome),
+            is_shown: false,
+        });
+        let picture = Picture::at(Rect::new(0.0, 0.0, 1280.0, 720.0));
+        let mut app = App::new();
+        app.insert_resource(Picture { is_placed: false, ..picture })
+            .insert_resource(openings)
+            .init_resource::<Notices>()
+            .add_message::<Opened>()
+            .add_systems(Update, finish_opening);
+        app.update();
+        let is_coming = |app: &App| app.world().resource::<Openings>().is_opening();
+        assert!(is_coming(&app) && app.world().resource::<Notices>().all().count() == 0);
+        app.world_mut().resource_mut::<Picture>().is_placed = true;
+        app.update();
+        assert!(!is_coming(&app) && app.world().resource::<Notices>().all().count() == 1);
+    }
 
     #[test]
     fn a_scene_leads_to_its_data() {

@@ -350,12 +350,7 @@ mod tests {
         preset.residency.budget_mib = budget_mib;
         let mut settings = Settings::new(&preset, None);
         settings.families = vec![true; file.metadata().families.len()];
-        let picture = Picture {
-            image: Handle::default(),
-            texture: bevy_egui::egui::TextureId::default(),
-            rect: Rect::new(0.0, 0.0, 960.0, 720.0),
-            scale: 1.0,
-        };
+        let picture = Picture::at(Rect::new(0.0, 0.0, 960.0, 720.0));
         let mut app = App::new();
         app.insert_resource(preset)
             .insert_resource(settings)

@@ -29,12 +29,20 @@ pub struct Picture {
     pub rect: Rect,
     /// Physical pixels per logical pixel.
     pub scale: f32,
+    /// Whether the window has laid out its place; before, that is the whole window.
+    pub is_placed: bool,
 }
 
 impl Picture {
     /// Size in physical pixels; at least 1x1.
     pub fn size(&self) -> UVec2 {
         (self.rect.size() * self.scale).round().as_uvec2().clamp(UVec2::ONE, UVec2::splat(16384))
+    }
+
+    /// A picture at a place that has been laid out.
+    #[cfg(test)]
+    pub(crate) fn at(rect: Rect) -> Picture {
+        Picture { image: Handle::default(), texture: egui::TextureId::default(), rect, scale: 1.0, is_placed: true }
     }
 
     /// Pixel coordinates in the picture of a place in the window (logical pixels).
@@ -133,6 +141,7 @@ pub(super) fn spawn_cameras(
         texture,
         rect: Rect::from_corners(Vec2::ZERO, size.as_vec2()),
         scale: 1.0,
+        is_placed: false,
     });
     commands.insert_resource(ActiveCameraData { entity: Some(data_camera), manual: true, ..default() });
 }
@@ -168,12 +177,7 @@ mod tests {
 
     #[test]
     fn window_places_become_physical_pixels() {
-        let picture = Picture {
-            image: Handle::default(),
-            texture: egui::TextureId::default(),
-            rect: Rect::new(300.0, 0.0, 1280.0, 720.0),
-            scale: 2.0,
-        };
+        let picture = Picture { scale: 2.0, ..Picture::at(Rect::new(300.0, 0.0, 1280.0, 720.0)) };
         assert_eq!(picture.size(), UVec2::new(1960, 1440));
         assert_eq!(picture.pixel(Vec2::new(310.0, 5.0)), Vec2::new(20.0, 10.0));
     }

@@ -76,7 +76,9 @@ pub(super) fn draw_window(
         0.0 => automatic_scale(window.height() * ctx.pixels_per_point(), native),
         scale => scale,
     };
-    if (ctx.zoom_factor() - scale).abs() > 1e-3 {
+    // Another scale holds from the next frame on.
+    let is_scaled = (ctx.zoom_factor() - scale).abs() <= 1e-3;
+    if !is_scaled {
         ctx.set_zoom_factor(scale);
     }
     let builder = egui::UiBuilder::new().layer_id(egui::LayerId::background()).max_rect(window);
@@ -121,6 +123,7 @@ pub(super) fn draw_window(
     theme::dim(&ctx, &docks, preset.panel.brightness);
     picture.rect = Rect::from_corners(Vec2::new(rect.min.x, rect.min.y), Vec2::new(rect.max.x, rect.max.y));
     picture.scale = ctx.pixels_per_point();
+    picture.is_placed |= is_scaled;
     let painter = root.painter().with_clip_rect(rect);
     let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
     let periodic = panel.scene.as_ref().and_then(|scene| scene.periodic);

@@ -52,7 +52,7 @@ pub(crate) mod tests {
     use crate::window::state::panels::{Closed, Shown};
     use bevy::ecs::system::SystemState;
     use bevy::math::DVec3;
-    use bevy::prelude::{Handle, Rect, World};
+    use bevy::prelude::{Rect, World};
 
     const FAMILIES: [FamilyName; 2] = [FamilyName::Gas, FamilyName::Stars];
 
@@ -145,8 +145,7 @@ pub(crate) mod tests {
         let mut parts = SystemState::<SceneParts>::new(&mut world);
         let parts = parts.get_mut(&mut world).unwrap();
         let rect = Rect::new(0.0, 0.0, 640.0, 480.0);
-        let picture =
-            Picture { image: Handle::default(), texture: bevy_egui::egui::TextureId::default(), rect, scale: 1.0 };
+        let picture = Picture::at(rect);
         let eye = DVec3::new(1.0, 2.0, 3.0);
         let viewpoint = Viewpoint { eye, target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.7 };
         for mode in modes::all() {

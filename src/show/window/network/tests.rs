@@ -51,12 +51,7 @@ fn window() -> App {
     let preset = Preset::embedded("desktop").unwrap();
     let fov_y = preset.camera.field_of_view_deg.to_radians();
     let viewpoint = Viewpoint { eye: DVec3::Z * 9.0, target: DVec3::ZERO, up: DVec3::Y, fov_y };
-    let picture = Picture {
-        image: Handle::default(),
-        texture: Default::default(),
-        rect: Rect::new(0.0, 0.0, 900.0, 600.0),
-        scale: 1.0,
-    };
+    let picture = Picture::at(Rect::new(0.0, 0.0, 900.0, 600.0));
     let mut app = App::new();
     app.add_plugins(MinimalPlugins)
         .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(16)))

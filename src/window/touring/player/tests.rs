@@ -38,12 +38,7 @@ impl Window {
         let preset = Preset::embedded("desktop").unwrap();
         let mut settings = Settings::new(&preset, None);
         settings.families = vec![true];
-        let picture = Picture {
-            image: Handle::default(),
-            texture: Default::default(),
-            rect: Rect::new(0.0, 0.0, 900.0, 600.0),
-            scale: 1.0,
-        };
+        let picture = Picture::at(Rect::new(0.0, 0.0, 900.0, 600.0));
         let scene = Scene::of_file(file, Vec::new());
         let now = Instant::now();
         let mut app = App::new();
