@@ -113,6 +113,8 @@ fn aim_picture(
     camera: Single<&Viewpoint, With<DataCamera>>,
 ) {
     let Ok(window) = windows.single() else { return };
+    // Where it is seen from is the leader's, whatever becomes of its place.
+    picture.bypass_change_detection().is_placed = true;
     let size = [window.physical_width().max(1), window.physical_height().max(1)];
     let output = output.bypass_change_detection();
     if let Err(error) = output.fit(size, camera.fov_y, notices.bypass_change_detection()) {
